@@ -1,0 +1,238 @@
+"""Closing the loops of a mechanism from a start, and finding other closed configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough.description import Frame
+from gough.description.frames import transform
+from gough.description.values import vector
+from gough.errors import ClosureError
+from gough.joints import Free
+from gough.models import Models
+from gough.numerics import newton
+from gough.numerics.newton import Ending
+from gough.topology import Edge
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-12
+"""Largest residual of a closed loop: sines, and lengths over the characteristic length."""
+RESTARTS = 12
+"""Starts with perturbed passive joints that are tried when the described one does not close."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Outcome of closing the loops from one start."""
+
+    q: Array
+    """Positions of the joints of the tree."""
+    residual: float
+    """Largest closure residual, m or sine of an angle."""
+    steps: int
+    restarts: int
+    """Perturbed starts it took beyond the described one."""
+    ending: Ending
+    worst: str
+    """Where the largest residual is: the joint and its loop."""
+
+    def require(self) -> Assembly:
+        """Self if every loop is closed.
+
+        Raises:
+            ClosureError: a loop is open; the message names the gap, the joint and the loop.
+        """
+        if self.ending is Ending.closed:
+            return self
+        raise ClosureError(
+            f"does not close: the largest gap is {self.residual:.3g} (m, or sine of an angle) at "
+            f"{self.worst}; {self.ending.value}"
+        )
+
+
+class Assembler:
+    """Closes the loops of one mechanism for given live parameters.
+
+    Attributes:
+        length: the characteristic length, m: root mean square distance of the joints from their
+            centroid at the start, 1 if they are all at one point.
+    """
+
+    def __init__(self, models: Models, p: Array) -> None:
+        self.models, self.p = models, p
+        self.start, self.given = _start(models)
+        self.length = characteristic_length(models, self.start, p)
+
+    # scaled equations
+
+    @property
+    def row_scale(self) -> Array:
+        """Factor of each row: lengths are divided by the characteristic length."""
+        return np.where(self.models.row_is_length, 1 / self.length, 1.0)
+
+    @property
+    def rate_scale(self) -> Array:
+        """What a rate is a multiple of: the characteristic length, or 1 rad."""
+        return np.where(self.models.rate_is_length, self.length, 1.0)
+
+    def scaled_jacobian(self, q: Array) -> Array:
+        """E with lengths divided by the characteristic length, so that its entries compare."""
+        E = self.models.jacobian(q, self.p)
+        return np.asarray(self.row_scale[:, None] * E * self.rate_scale)
+
+    def close(self, q: Array, held: Array | None = None, max_steps: int = 200) -> newton.Solution:
+        """Close the loops from q.
+
+        Args:
+            q: where to start.
+            held: whether each variable keeps its value; none does by default.
+            max_steps: steps before giving up.
+        """
+        free = np.ones(len(self.models.structure.variables), dtype=bool)
+        if held is not None:
+            free = ~held
+        solution = newton.solve(
+            lambda at: self.row_scale * self.models.residual(at, self.p),
+            lambda at: self.scaled_jacobian(at) * free,
+            lambda at, step: self.models.retract(at, self.rate_scale * step),
+            q,
+            TOLERANCE,
+            max_steps,
+        )
+        if solution.ending is Ending.closed and not self._reachable(solution.q):
+            return newton.Solution(
+                solution.q, solution.gap, solution.last_step, Ending.reversed, solution.steps
+            )
+        return solution
+
+    def _reachable(self, q: Array) -> bool:
+        return bool(np.all(self.models.branch(q, self.p) > 0))
+
+    # home
+
+    def home(self, seed: int = 0) -> Assembly:
+        """The closed configuration that the described start leads to.
+
+        Given values of outputs and motors are kept where the loops close with them, then those of
+        outputs alone; passive joints only start from theirs. If the described start does not
+        close, passive joints without a given value are perturbed (seeded).
+        """
+        rng = np.random.default_rng(seed)
+        best: newton.Solution | None = None
+        steps = 0
+        for restart in range(RESTARTS + 1):
+            q = self.start if restart == 0 else self._perturbed(rng)
+            for held in self._holds():
+                solution = self.close(q, held)
+                steps += solution.steps
+                if solution.ending is Ending.closed:
+                    return self._assembly(solution, steps, restart)
+                if best is None or solution.gap < best.gap:
+                    best = solution
+        assert best is not None
+        return self._assembly(best, steps, RESTARTS)
+
+    def _holds(self) -> Iterator[Array]:
+        """Which variables to keep, from the most to none."""
+        roles = np.array([v.role for v in self.models.structure.variables], dtype=object)
+        wished = [
+            self.given & ((roles == "actuated") | (roles == "operational")),
+            self.given & (roles == "operational"),
+        ]
+        before = np.zeros(len(roles), dtype=bool)
+        for held in wished:
+            if held.any() and not np.array_equal(held, before):
+                yield held
+            before = held
+        yield np.zeros(len(roles), dtype=bool)
+
+    def _perturbed(self, rng: np.random.Generator) -> Array:
+        step = rng.uniform(-1.0, 1.0, size=len(self.given)) * self.rate_scale
+        return self.models.retract(self.start, np.where(self.given, 0.05, 1.0) * step)
+
+    def _assembly(self, solution: newton.Solution, steps: int, restarts: int) -> Assembly:
+        F = np.abs(self.models.residual(solution.q, self.p))
+        worst = ""
+        if F.size:
+            row = int(np.argmax(self.row_scale * F))
+            block = next(b for b in self.models.closure.blocks if b.rows.start <= row < b.rows.stop)
+            worst = f"{block.name} (loop of {', '.join(block.joints)})"
+        largest = float(F.max(initial=0.0))
+        return Assembly(solution.q, largest, steps, restarts, solution.ending, worst)
+
+    # elsewhere
+
+    def wander(self, q: Array, rng: np.random.Generator, reach: float = 0.5) -> Array | None:
+        """Another closed configuration of the same assembly, or None if none was found.
+
+        Small random steps along the mechanism's motions, each closed again, so that the walk
+        stays on the side it starts from. A configuration counts only if its root is sharp: at a
+        singular root a small residual says little about the distance to it.
+        """
+        direction = rng.normal(size=len(self.given))
+        moved = None
+        for _ in range(4):
+            step = _tangent(self.scaled_jacobian(q), direction)
+            size = float(np.linalg.norm(step))
+            if size == 0:
+                return moved
+            step *= reach / 4 * np.sqrt(len(step)) / max(size, 1e-12)
+            step *= min(1.0, 0.25 / float(np.max(np.abs(step))))
+            solution = self.close(self.models.retract(q, self.rate_scale * step), max_steps=40)
+            if solution.ending is not Ending.closed or solution.last_step > 1e-6:
+                return moved
+            q = moved = solution.q
+        return moved
+
+
+def _tangent(E: Array, direction: Array) -> Array:
+    """The part of a direction that the equations allow to first order."""
+    if not E.size:
+        return direction
+    _, s, Vt = np.linalg.svd(E)
+    kept = Vt[: int(np.sum(s > 1e-7 * s[0]))]
+    return np.asarray(direction - kept.T @ (kept @ direction))
+
+
+def _start(models: Models) -> tuple[Array, Array]:
+    """Described positions, neutral where there are none, and which variables were described."""
+    q: list[float] = []
+    given: list[bool] = []
+    for edge in models.structure.edges:
+        q.extend(_position(models, edge))
+        given.extend([edge.home is not None] * edge.type.freedoms)
+    return np.array(q, dtype=float), np.array(given, dtype=bool)
+
+
+def _position(models: Models, edge: Edge) -> tuple[float, ...]:
+    if edge.home is None:
+        return edge.type.neutral()
+    if isinstance(edge.home, Frame):
+        assert isinstance(edge.type, Free)
+        return edge.type.from_pose(transform(edge.home, models.closure.nominal))
+    return edge.type.position(vector(edge.home, models.closure.nominal, *edge.type.written))
+
+
+def characteristic_length(models: Models, q: Array, p: Array) -> float:
+    """Root mean square distance of the joints from their centroid, m; 1 if that is zero."""
+    poses = dict(zip(models.structure.bodies, models.poses(q, p), strict=True))
+    poses[models.structure.root] = np.eye(4)
+    parts = (*models.structure.flat.joints.values(), *models.structure.flat.constraints.values())
+    points = []
+    for part in parts:
+        for body, frame in zip(part.bodies, part.frames, strict=True):
+            _, origin = transform(frame, models.closure.nominal)
+            if body in poses:
+                points.append(poses[body] @ np.array([*origin, 1.0]))
+    if not points:
+        return 1.0
+    spread = np.array(points)[:, :3]
+    length = float(np.sqrt(np.mean(np.sum((spread - spread.mean(axis=0)) ** 2, axis=1))))
+    return length if length > 1e-12 else 1.0
+
+

@@ -1,0 +1,147 @@
+"""The parts of a mechanism with legs and parallelograms written out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gough.description.expression import Expression
+from gough.description.mechanism import Description
+from gough.description.parts import Body, Constraint, Coupling, Frame, Joint, Leg, Part
+from gough.errors import Path
+
+
+@dataclass
+class Flat:
+    """Every body, joint, constraint and coupling by its full name.
+
+    ``paths`` says where a part was written: one place in a leg serves all its repetitions.
+    ``clashes`` lists names that came up twice.
+    """
+
+    bodies: dict[str, Body] = field(default_factory=dict)
+    joints: dict[str, Joint] = field(default_factory=dict)
+    constraints: dict[str, Constraint] = field(default_factory=dict)
+    couplings: dict[str, Coupling] = field(default_factory=dict)
+    paths: dict[tuple[str, str], Path] = field(default_factory=dict)
+    clashes: list[tuple[Path, str]] = field(default_factory=list)
+
+    def add(self, kind: str, name: str, part: Part, path: Path) -> None:
+        """Keep a part; a name that is taken by another of its kind is a clash."""
+        if (kind, name) in self.paths:
+            self.clashes.append((path, name))
+            return
+        getattr(self, kind)[name] = part
+        self.paths[kind, name] = path
+
+
+KINDS = ("bodies", "joints", "constraints", "couplings")
+
+
+def flatten(mechanism: Description) -> Flat:
+    """Write out the legs and the parallelograms whose bars have mass."""
+    flat = Flat()
+    for kind in KINDS:
+        for name, part in getattr(mechanism, kind).items():
+            _add(flat, kind, name, part, (kind, name))
+    for name, leg in mechanism.legs.items():
+        for i in range(leg.repeat or 1):
+            _add_leg(flat, name, leg, i)
+    return flat
+
+
+def _add_leg(flat: Flat, name: str, leg: Leg, i: int) -> None:
+    prefix = f"{name}{i + 1}" if leg.repeat else name
+    for kind in KINDS:
+        for own, part in getattr(leg, kind).items():
+            placed = _relabelled(bound(part, {"i": i}), leg, prefix)
+            _add(flat, kind, f"{prefix}.{own}", placed, ("legs", name, kind, own))
+
+
+def _add(flat: Flat, kind: str, name: str, part: Part, path: Path) -> None:
+    if isinstance(part, Joint) and part.type == "parallelogram" and "bar_mass" in part.dimensions:
+        _add_parallelogram(flat, name, part, path)
+    else:
+        flat.add(kind, name, part, path)
+
+
+def bound(value: Any, index: Mapping[str, int]) -> Any:
+    """A part, or a piece of one, with the index of its leg put into its expressions."""
+    match value:
+        case Expression():
+            return value.bind(index)
+        case Part():
+            fields = type(value).model_fields
+            return value.model_copy(update={f: bound(getattr(value, f), index) for f in fields})
+        case tuple():
+            return tuple(bound(item, index) for item in value)
+        case dict():
+            return {key: bound(item, index) for key, item in value.items()}
+    return value
+
+
+def _relabelled(part: Part, leg: Leg, prefix: str) -> Part:
+    """The part with names of the leg's own bodies and joints made full."""
+    if isinstance(part, Joint | Constraint):
+        a, b = (f"{prefix}.{body}" if body in leg.bodies else body for body in part.bodies)
+        return part.model_copy(update={"bodies": (a, b)})
+    if isinstance(part, Coupling):
+        terms = {
+            f"{prefix}.{joint}" if joint in leg.joints else joint: factor
+            for joint, factor in part.terms.items()
+        }
+        return part.model_copy(update={"terms": terms})
+    return part
+
+
+def _add_parallelogram(flat: Flat, name: str, joint: Joint, path: Path) -> None:
+    """Two bars, the pins of the first at both ends, that of the second at the near end.
+
+    The couplings keep the second bar parallel to the first and the far body from turning; the
+    fourth pin would only repeat them.
+    """
+    (a, b), (on_a, on_b) = joint.bodies, joint.frames
+    length, mass = joint.dimensions["length"], joint.dimensions["bar_mass"]
+    half = Expression(f"({joint.dimensions['width']})/2")
+    moment = Expression(f"({mass})*({length})**2/12")
+    rod = Body(mass=mass, com=(Expression(f"({length})/2"), 0, 0), inertia=(0, moment, moment))
+    far_end = Frame(point=(length, 0, 0))
+    bar1, bar2 = f"{name}.bar1", f"{name}.bar2"
+    pins = {
+        "near1": ((a, bar1), (_aside(on_a, half), Frame()), joint.home),
+        "near2": ((a, bar2), (_aside(on_a, Expression(f"-({half})")), Frame()), joint.home),
+        "far1": ((bar1, b), (far_end, _aside(on_b, half)), _minus(joint.home)),
+    }
+    for bar in (bar1, bar2):
+        flat.add("bodies", bar, rod, path)
+    for pin, (bodies, frames, home) in pins.items():
+        moved = joint.actuated and pin == "near1"
+        part = Joint(type="revolute", bodies=bodies, frames=frames, actuated=moved, home=home)
+        flat.add("joints", f"{name}.{pin}", part, path)
+    near1, near2, far1 = (f"{name}.{pin}" for pin in pins)
+    flat.add("couplings", f"{name}.bars", Coupling(terms={near2: 1, near1: -1}), path)
+    flat.add("couplings", f"{name}.level", Coupling(terms={far1: 1, near1: 1}), path)
+
+
+def _aside(frame: Frame, distance: Expression) -> Frame:
+    """The frame moved along its own y axis, beyond any offset it has."""
+    if frame.offset is None:
+        offset: Any = (0.0, distance, 0.0)
+    else:
+        x, y, z = _three(frame.offset)
+        offset = (x, Expression(f"({y})+({distance})"), z)
+    return frame.model_copy(update={"offset": offset})
+
+
+def _three(value: Any) -> tuple[Any, Any, Any]:
+    if isinstance(value, Expression):
+        x, y, z = (Expression(f"({value})[{k}]") for k in range(3))
+        return x, y, z
+    return value[0], value[1], value[2] if len(value) == 3 else 0.0
+
+
+def _minus(home: Any) -> Any:
+    if home is None:
+        return None
+    return tuple(-x if isinstance(x, float) else Expression(f"-({x})") for x in home)

@@ -1,0 +1,169 @@
+"""The parts of a mechanism as immutable, validated data.
+
+The same classes are what a person writes in YAML (see ``docs/description.md``) and in Python.
+Numbers may be expressions of the mechanism's parameters everywhere. SI units and radians.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    StringConstraints,
+    WithJsonSchema,
+)
+
+from gough.description.scalars import Array, Position, Scalar, Vector
+from gough.errors import closest
+from gough.joints import TYPES
+from gough.joints.constraints import CONSTRAINTS
+from gough.joints.free import POSE, ROTATIONS
+
+Name = Annotated[
+    str,
+    StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)*$", max_length=80),
+]
+ParameterName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=80)]
+Axis = Literal["x", "y", "z"]
+
+
+def _read_moves(value: Any) -> tuple[str, ...]:
+    """The free coordinates of a link; an empty tuple stands for all."""
+    if value == "all" or value == ():
+        return ()
+    turns = [move for move in value if move in ROTATIONS] if isinstance(value, list | tuple) else []
+    if not isinstance(value, list | tuple) or not value or not set(value) <= set(POSE):
+        raise ValueError(f"expected all, or a list of {', '.join(POSE)}; got {value!r}")
+    if len(set(value)) < len(value) or len(turns) not in (0, 1, 3):
+        raise ValueError(f"expected no rotation, one, or all three, none twice; got {value!r}")
+    return tuple(move for move in POSE if move in value)
+
+
+Moves = Annotated[
+    tuple[str, ...],
+    PlainValidator(_read_moves),
+    PlainSerializer(lambda moves: list(moves) or "all"),
+    WithJsonSchema(
+        {"anyOf": [{"const": "all"}, {"type": "array", "items": {"enum": list(POSE)}}]}
+    ),
+]
+
+
+def _known_type(kind: str, known: tuple[str, ...]) -> Any:
+    def check(value: Any) -> Any:
+        if not isinstance(value, str) or value not in known:
+            raise ValueError(f"{value!r} is not a {kind}.{closest(str(value), known)}")
+        return value
+
+    return Annotated[
+        str,
+        BeforeValidator(check),
+        Field(json_schema_extra={"enum": list(known)}),
+    ]
+
+
+JointTypeName = _known_type("joint type", tuple(TYPES))
+ConstraintTypeName = _known_type("constraint", tuple(CONSTRAINTS))
+
+
+class Part(BaseModel):
+    """Immutable data; unknown names are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Frame(Part):
+    """A frame on a body: where a joint or a constraint takes hold.
+
+    Its orientation is given by ``axis`` (the z axis, a unit vector in body axes) with ``across``
+    (a vector that gives the direction of x), or by ``rotate`` (rotations about the frame's own
+    axes, one after the other). Without ``across``, x is the body axis farthest from ``axis``,
+    made normal to it; of equally far ones the first.
+    """
+
+    point: Vector = (0.0, 0.0, 0.0)
+    """Origin in body axes, m; two numbers mean z = 0."""
+    axis: Vector | None = None
+    across: Vector | None = None
+    rotate: tuple[tuple[Axis, Scalar], ...] = ()
+    offset: Vector | None = None
+    """Further displacement of the origin, along the frame's own axes, m."""
+
+
+class Body(Part):
+    """A rigid body; its frame is where its joints say."""
+
+    mass: Scalar = 0.0
+    """kg"""
+    com: Vector = (0.0, 0.0, 0.0)
+    """Centre of mass in body axes, m."""
+    inertia: Vector = (0.0, 0.0, 0.0)
+    """At the centre of mass in body axes, kg m²: xx, yy, zz, or these and xy, xz, yz as entries
+    of the matrix."""
+    free: Moves | None = None
+    """The coordinates of a free link, a body placed by its own variables and not through a joint.
+
+    ``all`` stands for x, y, z, rx, ry, rz, in planar motion for x, y, rz. The platform of a
+    mechanism is a free link without saying so.
+    """
+    home: Frame | None = None
+    """Approximate pose of a free link at the start, in base axes."""
+
+
+class Joint(Part):
+    """A joint between two bodies, with a frame on either."""
+
+    type: JointTypeName  # type: ignore[valid-type]
+    bodies: tuple[str, str]
+    frames: tuple[Frame, Frame] = (Frame(), Frame())
+    actuated: bool = False
+    dimensions: dict[str, Scalar] = Field(default_factory=dict)
+    """The numbers a type needs besides its frames: ``pitch`` of a helical joint, m a turn."""
+    home: Position | None = None
+    """Approximate position at the start, rad and m."""
+
+
+class Constraint(Part):
+    """Frames of two bodies tied to each other where no joint is."""
+
+    type: ConstraintTypeName  # type: ignore[valid-type]
+    bodies: tuple[str, str]
+    frames: tuple[Frame, Frame] = (Frame(), Frame())
+
+
+class Coupling(Part):
+    """A linear relation between joints of one freedom: sum of factor × position = offset."""
+
+    terms: dict[str, Scalar] = Field(min_length=1)
+    offset: Scalar = 0.0
+
+
+class Leg(Part):
+    """Parts that belong together, written once and repeated.
+
+    Parts get the leg's name in front, ``leg.pin``; with ``repeat`` the leg's number too,
+    ``leg1.pin`` … , and expressions may use the index ``i`` = 0, 1, … Names of bodies are looked
+    up in the leg first.
+    """
+
+    repeat: Annotated[int, Field(ge=1, le=1000, strict=True)] | None = None
+    bodies: dict[Name, Body] = Field(default_factory=dict)
+    joints: dict[Name, Joint] = Field(default_factory=dict)
+    constraints: dict[Name, Constraint] = Field(default_factory=dict)
+    couplings: dict[Name, Coupling] = Field(default_factory=dict)
+
+
+class Parameter(Part):
+    """A named number, or nested list of numbers, that expressions may use."""
+
+    value: Array
+    live: bool = False
+    """Whether it stays an input of every model, and so can change without a new one."""
+    unit: str = ""
+    about: str = ""

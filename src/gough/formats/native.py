@@ -1,0 +1,194 @@
+"""Our own YAML: text to mechanism, with every error of a file at once and in its place."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path as FilePath
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+
+from gough.description import Mechanism
+from gough.description.check import problems_of
+from gough.description.mechanism import Description
+from gough.errors import DescriptionError, Path, Problem, UnknownName, closest
+from gough.formats.nodes import MAX_BYTES, Document, compose
+
+T = TypeVar("T")
+PRUNING_ROUNDS = 50
+
+
+class Source:
+    """One description file: its text, its data, and the place of everything in it.
+
+    Raises:
+        DescriptionError: the file is missing, unreadable, too large, or no YAML we accept.
+    """
+
+    def __init__(self, raw: bytes, name: str) -> None:
+        self.name = name
+        self.document: Document = compose(raw, name)
+
+    @classmethod
+    def open(cls, path: FilePath) -> Source:
+        try:
+            with path.open("rb") as file:
+                return cls(file.read(MAX_BYTES + 1), str(path))
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise DescriptionError([Problem(f"can not be read: {reason}")], str(path)) from None
+
+    def mechanism(self, parameters: Mapping[str, Any] | None = None) -> Mechanism:
+        """The mechanism, with the values of some parameters replaced.
+
+        Raises:
+            DescriptionError: something in the description is wrong; all of it is reported.
+            UnknownName: a parameter to replace does not exist.
+        """
+        data = self.document.data
+        if not isinstance(data, dict):
+            problem = Problem("a description is a mapping of names").at(1, 1)
+            raise DescriptionError([problem], self.name)
+        description, broken, problems = _read(replaced(data, parameters or {}))
+        if description is not None:
+            problems += problems_of(description, broken)
+        if problems or description is None:
+            located = [self.document.locate(problem) for problem in dict.fromkeys(problems)]
+            raise DescriptionError(located, self.name)
+        return Mechanism.model_construct(**dict(description))
+
+    def locating(self, action: Callable[[], T]) -> T:
+        """What the action returns; problems it raises are given their place in this file."""
+        try:
+            return action()
+        except DescriptionError as error:
+            located = [self.document.locate(problem) for problem in error.problems]
+            raise DescriptionError(located, self.name) from None
+
+
+def replaced(data: dict[str, Any], parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """The data of a description with the values of some parameters replaced."""
+    if not parameters:
+        return data
+    known = data.get("parameters")
+    known = known if isinstance(known, dict) else {}
+    for name in parameters:
+        if name not in known:
+            raise UnknownName("parameter", name, known)
+    changed = {
+        name: {**part, "value": parameters[name]} if isinstance(part, dict) else parameters[name]
+        for name, part in known.items()
+        if name in parameters
+    }
+    return {**data, "parameters": {**known, **changed}}
+
+
+def _read(data: dict[str, Any]) -> tuple[Description | None, list[str], list[Problem]]:
+    """The description, without the parts whose form is wrong; their names; what is wrong.
+
+    What is left still has its names and numbers judged, so that one reading shows all errors.
+    """
+    problems: list[Problem] = []
+    broken: list[str] = []
+    for _ in range(PRUNING_ROUNDS):
+        try:
+            return Description.model_validate(data), broken, problems
+        except ValidationError as error:
+            details = error.errors(include_url=False)
+        if not problems:
+            problems = [_problem(detail) for detail in details]
+        for detail in details:
+            data = _without(data, tuple(detail["loc"]), broken)
+    return None, broken, problems
+
+
+def _without(data: dict[str, Any], path: tuple[Any, ...], broken: list[str]) -> dict[str, Any]:
+    """The data without the part that a path leads into, whose name joins the broken ones."""
+    if not path or path[0] not in data:
+        return {"name": "mechanism", **data}
+    depth = {"legs": 4, "name": 1, "bodies": 2, "joints": 2}.get(path[0], 2)
+    inner = path[:depth] if len(path) >= depth else path[: 2 if path[0] == "legs" else 1]
+    match inner:
+        case ("legs", leg, _, part):
+            broken.append(f"{leg}*.{part}")
+            broken.append(part)
+        case ("legs", leg):
+            broken.append(f"{leg}*")
+        case (_, part):
+            broken.append(str(part))
+    pruned: dict[str, Any] = _removed(data, inner)
+    return {"name": "mechanism", **pruned}
+
+
+def _removed(data: Any, path: tuple[Any, ...]) -> Any:
+    """The data without the entry at a path; of a list, without the list."""
+    key, *rest = path
+    if not isinstance(data, dict) or key not in data:
+        return data
+    if rest and isinstance(data[key], dict):
+        return {**data, key: _removed(data[key], tuple(rest))}
+    return {name: value for name, value in data.items() if name != key}
+
+
+def _problem(detail: ErrorDetails) -> Problem:
+    """One problem of form in our words."""
+    path: Path = tuple(part for part in detail["loc"] if part != "[key]")
+    on_key = detail["type"] == "extra_forbidden" or "[key]" in detail["loc"]
+    return Problem(_message(detail, path), path, on_key)
+
+
+def _message(detail: ErrorDetails, path: Path) -> str:
+    value = _shown(detail["input"])
+    match detail["type"]:
+        case "extra_forbidden":
+            known = _fields_at(path[:-1])
+            return f"there is no entry {path[-1]!r} here.{closest(str(path[-1]), known)}"
+        case "missing":
+            return "is missing"
+        case "value_error":
+            return str(detail["ctx"]["error"])
+        case "string_pattern_mismatch" | "string_too_long":
+            return (
+                f"{value} is no name: a letter, then letters, digits, - and _ "
+                "(words joined by dots), at most 80 characters"
+            )
+        case "literal_error" | "enum":
+            return f"{value} is not one of {detail['ctx']['expected']}"
+        case "dict_type" | "model_type":
+            return f"expected a mapping of names, got {value}"
+        case "tuple_type" | "list_type":
+            return f"expected a list, got {value}"
+        case "string_type":
+            return f"expected text, got {value}; numbers and true, false as text need quotes"
+        case "bool_type" | "bool_parsing":
+            return f"expected true or false, got {value}"
+    return f"{detail['msg']} (got {value})"
+
+
+def _fields_at(path: Path) -> tuple[str, ...]:
+    """Names of the entries that the model knows at a path."""
+    from pydantic import BaseModel
+
+    from gough.description.parts import Body, Constraint, Coupling, Frame, Joint, Leg, Parameter
+
+    model: type[BaseModel] = Mechanism
+    kinds: dict[str, type[BaseModel]] = {
+        "bodies": Body,
+        "joints": Joint,
+        "constraints": Constraint,
+        "couplings": Coupling,
+        "legs": Leg,
+        "parameters": Parameter,
+    }
+    for part in path:
+        if part in kinds and model in (Mechanism, Leg):
+            model = kinds[str(part)]
+        elif part in ("frames", "home"):
+            model = Frame
+    return tuple(sorted(model.model_fields))
+
+
+def _shown(value: Any) -> str:
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 60 else text[:57] + "…"

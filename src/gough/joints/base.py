@@ -1,0 +1,162 @@
+"""What every joint type states: its freedom, its placement, and the rows it closes a loop with."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from gough import algebra as al
+from gough.algebra import Scalar, Transform, Vector
+
+Unit = Literal["m", "rad"]
+Dimensions = Mapping[str, Scalar]
+Twist = tuple[Vector, Vector]
+"""(linear, angular): velocity of the origin of frame b, angular velocity; in axes of frame a."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One scalar closure equation: its residual, zero when closed, and the unit of the residual."""
+
+    residual: Scalar
+    unit: Unit
+
+
+class JointType(ABC):
+    """A type of joint between a frame a and a frame b; stateless.
+
+    Positions ``q`` may be more numbers than freedoms (unit quaternions); rates always are one per
+    freedom. ``dimensions`` are the numbers a type needs besides its frames, such as a pitch.
+    """
+
+    name: ClassVar[str]
+    letter: ClassVar[str]
+    """The letter of the joint in the name of a leg: U, P and S in 6-UPS."""
+    required: ClassVar[tuple[str, ...]] = ()
+    optional: ClassVar[tuple[str, ...]] = ()
+    rates: tuple[Unit, ...]
+    """Unit of each freedom; its length is the number of freedoms."""
+    planar: ClassVar[bool] = False
+    """Whether the type exists in a mechanism that moves in one plane."""
+
+    @property
+    def freedoms(self) -> int:
+        return len(self.rates)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A short name for each freedom; a single freedom needs none."""
+        return ("",) if self.freedoms == 1 else tuple(str(k + 1) for k in range(self.freedoms))
+
+    @property
+    def coordinates(self) -> int:
+        """How many numbers a position takes."""
+        return len(self.rates)
+
+    def neutral(self) -> tuple[float, ...]:
+        """The position in which frames a and b coincide, as far as the type can."""
+        return (0.0,) * self.coordinates
+
+    def position(self, values: Sequence[float]) -> tuple[float, ...]:
+        """The position for the numbers a person writes under ``home``."""
+        return tuple(values)
+
+    @property
+    def written(self) -> tuple[int, ...]:
+        """How many numbers a person may write for one position."""
+        return (self.coordinates,)
+
+    def position_rates(self, q: Sequence[Scalar]) -> tuple[tuple[Scalar, ...], ...]:
+        """Matrix H with dq/dt = H rates, (coordinates, freedoms)."""
+        n = self.freedoms
+        return tuple(tuple(1.0 if i == k else 0.0 for k in range(n)) for i in range(n))
+
+    def retract(self, q: Sequence[float], step: Sequence[float]) -> tuple[float, ...]:
+        """The position reached from q by rates ``step`` held for a unit of time."""
+        return tuple(x + d for x, d in zip(q, step, strict=True))
+
+    @abstractmethod
+    def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
+        """T_a_b for a position."""
+
+    @abstractmethod
+    def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
+        """The twist of frame b relative to frame a for a unit rate of each freedom."""
+
+    @abstractmethod
+    def rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
+        """The equations that frames a and b, in common axes, obey when this joint joins them."""
+
+    def planar_rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
+        """The same for a mechanism that moves in the x-y plane of the common axes."""
+        raise TypeError(f"{self.name} has no planar form")
+
+    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+        """Values that are positive on the side of the equations that the joint can reach.
+
+        Antiparallel axes and half turns solve the rows as well as the joint's own positions do.
+        """
+        return []
+
+
+def points_coincide(a: Transform, b: Transform) -> list[Row]:
+    """Origins of a and b coincide: p_b - p_a, 3 rows of rank 3."""
+    return [Row(component, "m") for component in al.minus(b[1], a[1])]
+
+
+def axes_parallel(a: Transform, b: Transform) -> list[Row]:
+    """The z axes are parallel: x_a·z_b and y_a·z_b, 2 rows of rank 2.
+
+    The gradient of z_a·z_b - 1 is zero at the solution, so that form is never used.
+    """
+    z = al.column(b[0], 2)
+    return [Row(al.dot(al.column(a[0], k), z), "rad") for k in (0, 1)]
+
+
+def axes_agree(a: Transform, b: Transform) -> Scalar:
+    """z_a·z_b, positive where parallel axes point the same way."""
+    return al.dot(al.column(a[0], 2), al.column(b[0], 2))
+
+
+def orientations_coincide(a: Transform, b: Transform) -> list[Row]:
+    """½ vee(E - Eᵀ) with E = R_aᵀ R_b: 3 rows of rank 3; half turns solve them too."""
+    E = al.matmul(al.transpose(a[0]), b[0])
+    pairs = ((2, 1), (0, 2), (1, 0))
+    return [Row(al.mul(0.5, al.sub(E[i][k], E[k][i])), "rad") for i, k in pairs]
+
+
+def orientations_agree(a: Transform, b: Transform) -> Scalar:
+    """trace(R_aᵀ R_b) - 1, positive for turns below a right angle."""
+    E = al.matmul(al.transpose(a[0]), b[0])
+    return al.sub(al.total([E[0][0], E[1][1], E[2][2]]), 1.0)
+
+
+def across_axis(a: Transform, b: Transform) -> list[Row]:
+    """The origin of b lies on the z axis of a: 2 rows."""
+    offset = al.minus(b[1], a[1])
+    return [Row(al.dot(al.column(a[0], k), offset), "m") for k in (0, 1)]
+
+
+def along_axis(a: Transform, b: Transform) -> Scalar:
+    """Coordinate of the origin of b along the z axis of a, m."""
+    return al.dot(al.column(a[0], 2), al.minus(b[1], a[1]))
+
+
+def planar_points_coincide(a: Transform, b: Transform) -> list[Row]:
+    """Origins coincide in the x-y plane: 2 rows."""
+    return points_coincide(a, b)[:2]
+
+
+def planar_orientations_coincide(a: Transform, b: Transform) -> list[Row]:
+    """The sine of the angle from a to b about the common z axis: 1 row."""
+    k = _in_plane(a)
+    x_a, x_b = al.column(a[0], k), al.column(b[0], k)
+    return [Row(al.sub(al.mul(x_a[0], x_b[1]), al.mul(x_a[1], x_b[0])), "rad")]
+
+
+def _in_plane(frame: Transform) -> int:
+    """A column of a frame in the plane: x, or y where x is the normal."""
+    out_of_plane = frame[0][2][0]
+    return 1 if al.is_number(out_of_plane) and abs(out_of_plane) > 0.5 else 0

@@ -1,0 +1,37 @@
+"""Constraints between frames of two bodies that are no joint: they only close loops."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gough.algebra import Scalar, Transform
+from gough.joints import TYPES, base
+from gough.joints.base import Row
+
+Rows = Callable[[Transform, Transform], list[Row]]
+Branch = Callable[[Transform, Transform], list[Scalar]]
+
+
+class Constraint:
+    """Equations between two frames, in space and in the plane, and the side they hold on."""
+
+    def __init__(self, rows: Rows, planar_rows: Rows, branch: Branch) -> None:
+        self.rows, self.planar_rows, self.branch = rows, planar_rows, branch
+
+
+CONSTRAINTS: dict[str, Constraint] = {
+    "points-coincide": Constraint(
+        base.points_coincide, base.planar_points_coincide, lambda a, b: []
+    ),
+    "directions-parallel": Constraint(
+        base.axes_parallel,
+        base.planar_orientations_coincide,
+        lambda a, b: [base.axes_agree(a, b)],
+    ),
+    "frames-coincide": Constraint(
+        lambda a, b: TYPES["fixed"].rows(a, b, {}),
+        lambda a, b: TYPES["fixed"].planar_rows(a, b, {}),
+        lambda a, b: TYPES["fixed"].branch(a, b, {}),
+    ),
+}
+"""Every constraint by its name: frame origins coincide; z axes are parallel; frames coincide."""

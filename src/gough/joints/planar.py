@@ -1,0 +1,34 @@
+"""Planar joint: two translations in a plane and a rotation about its normal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gough import algebra as al
+from gough.algebra import Scalar, Transform
+from gough.joints import base
+from gough.joints.base import Dimensions, JointType, Row, Twist
+
+
+class Planar(JointType):
+    """Translation along x and y of frame a (m), then rotation about z (rad)."""
+
+    name = "planar"
+    letter = "E"
+    rates = ("m", "m", "rad")
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return ("x", "y", "rz")
+
+    def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
+        return al.rotation_about("z", q[2]), (q[0], q[1], 0.0)
+
+    def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
+        return [(al.X, al.ZERO), (al.Y, al.ZERO), (al.ZERO, al.Z)]
+
+    def rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
+        return [Row(base.along_axis(a, b), "m"), *base.axes_parallel(a, b)]
+
+    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+        return [base.axes_agree(a, b)]

@@ -1,0 +1,33 @@
+"""Universal joint: two rotations about crossed axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gough import algebra as al
+from gough.algebra import Scalar, Transform
+from gough.joints import base
+from gough.joints.base import Dimensions, JointType, Row, Twist
+
+
+class Universal(JointType):
+    """Rotation about x of frame a, then about y of frame b; q in rad. R = R_x R_y."""
+
+    name = "universal"
+    letter = "U"
+    rates = ("rad", "rad")
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        return ("rx", "ry")
+
+    def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
+        return al.matmul(al.rotation_about("x", q[0]), al.rotation_about("y", q[1])), al.ZERO
+
+    def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
+        second = al.column(al.rotation_about("x", q[0]), 1)
+        return [(al.ZERO, al.X), (al.ZERO, second)]
+
+    def rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
+        crossed = al.dot(al.column(a[0], 0), al.column(b[0], 1))
+        return [*base.points_coincide(a, b), Row(crossed, "rad")]

@@ -1,0 +1,117 @@
+"""The models of one mechanism: expressions joined with kernels, made on demand and kept."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from gough.algebra import Scalar
+from gough.errors import ConfigurationError, UnknownName
+from gough.kernels import Kernel
+from gough.symbolic.closure import Closure
+from gough.topology import Structure
+
+Array = NDArray[np.float64]
+
+
+class Models:
+    """Kernels of one structure; every kernel takes positions ``q`` and live parameters ``p``."""
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self.closure = Closure(structure)
+
+    @cached_property
+    def residual(self) -> Kernel:
+        """F(q): (*batch, rows)."""
+        rows = self.closure.residual.numel()
+        return self._kernel("residual", self.closure.residual, (rows,))
+
+    @cached_property
+    def jacobian(self) -> Kernel:
+        """E(q) = [M N K], columns in the order of the variables: (*batch, rows, variables)."""
+        return self._kernel("jacobian", self.closure.jacobian)
+
+    @cached_property
+    def branch(self) -> Kernel:
+        """Values that are positive on the reachable side of every closing: (*batch, values)."""
+        count = self.closure.branch.numel()
+        return self._kernel("branch", self.closure.branch, (count,))
+
+    @cached_property
+    def poses(self) -> Kernel:
+        """T_root_body as 4×4 matrices in the order of ``structure.bodies``."""
+        bodies = self.structure.bodies
+        stacked = [_homogeneous(*self.closure.poses[body]) for body in bodies]
+        output = casadi.vertcat(*stacked) if stacked else casadi.SX(0, 4)
+        return self._kernel("poses", output, (len(bodies), 4, 4))
+
+    @cached_property
+    def body_jacobians(self) -> Kernel:
+        """Twist (linear at the origin, angular; root axes) of each body: (bodies, 6, variables)."""
+        bodies, columns = self.structure.bodies, len(self.structure.variables)
+        stacked = [self.closure.body_jacobian(body) for body in bodies]
+        output = casadi.vertcat(*stacked) if stacked else casadi.SX(0, columns)
+        return self._kernel("body_jacobians", output, (len(bodies), 6, columns))
+
+    def _kernel(
+        self, name: str, output: casadi.SX, shape: tuple[int, ...] | None = None
+    ) -> Kernel:
+        return Kernel(name, {"q": self.closure.q, "p": self.closure.p}, output, shape)
+
+    # positions and parameters
+
+    @property
+    def positions(self) -> int:
+        """How many numbers a configuration q has."""
+        return int(self.closure.q.numel())
+
+    def parameters(self, given: dict[str, Any] | None = None) -> Array:
+        """The vector p of live parameters, with some of them replaced.
+
+        Raises:
+            UnknownName: a given name is no live parameter.
+            ConfigurationError: a value has another shape than the parameter.
+        """
+        given = given or {}
+        for name in given:
+            if name not in self.closure.live:
+                raise UnknownName("live parameter", name, self.closure.live)
+        parts = []
+        for name, value in self.closure.live.items():
+            expected = np.asarray(value, dtype=float)
+            new = np.asarray(given.get(name, value), dtype=float)
+            if new.shape != expected.shape:
+                raise ConfigurationError(
+                    f"parameter {name} has shape {new.shape}, expected {expected.shape}"
+                )
+            parts.append(new.ravel())
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def retract(self, q: Array, step: Array) -> Array:
+        """The configuration reached from q by rates ``step`` held for a unit of time."""
+        out, start = np.empty_like(q), 0
+        for edge, part in zip(self.structure.edges, self.closure.slices, strict=True):
+            rates = step[start : start + edge.type.freedoms]
+            out[part] = edge.type.retract(q[part], rates)
+            start += edge.type.freedoms
+        return out
+
+    @cached_property
+    def row_is_length(self) -> Array:
+        """1 for each closure row in m, 0 for a direction or an angle."""
+        return np.array([float(row.unit == "m") for row in self.closure.rows])
+
+    @cached_property
+    def rate_is_length(self) -> Array:
+        """1 for each variable in m, 0 for an angle."""
+        return np.array([float(v.unit == "m") for v in self.structure.variables])
+
+
+def _homogeneous(R: Any, p: tuple[Scalar, ...]) -> casadi.SX:
+    rows = [casadi.horzcat(*R[i], p[i]) for i in range(3)]
+    return casadi.vertcat(*rows, casadi.horzcat(0.0, 0.0, 0.0, 1.0))

@@ -1,0 +1,1 @@
+"""Generic numerical loops; they know nothing of robots."""

@@ -1,0 +1,127 @@
+"""Damped Newton steps for F(q) = 0 with redundant equations and any number of freedoms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LARGEST_STEP = 0.5
+"""Longest step of one iteration in scaled units: half a radian, half a characteristic length."""
+ROUNDING = 1e-15
+CLOSED_AT_START = 1e-13
+"""A start this close to a root is kept as it is: at a singular root a step would only lead away."""
+STALL = 1e-9
+"""A gradient this small relative to its factors means a minimum of the residual, not a root."""
+
+
+class Ending(Enum):
+    """How a solve ended; the text is what the user reads."""
+
+    closed = "every loop closes within tolerance"
+    open = "the gap stopped shrinking: this configuration is probably out of reach"
+    reversed = "the equations hold, but a joint is turned to its reverse side"
+    step_limit = "the gap was still shrinking when the steps ran out"
+    not_finite = "the equations have no finite value at the start"
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Outcome of a solve."""
+
+    q: Array
+    gap: float
+    """Largest absolute residual, scaled."""
+    last_step: float
+    """Length of the last Newton step, scaled: how well the root is located."""
+    ending: Ending
+    steps: int
+
+
+def solve(
+    residual: Callable[[Array], Array],
+    jacobian: Callable[[Array], Array],
+    retract: Callable[[Array, Array], Array],
+    q: Array,
+    tolerance: float = 1e-12,
+    max_steps: int = 200,
+) -> Solution:
+    """Levenberg-Marquardt steps with damping |F|², which keep quadratic convergence at redundant rows.
+
+    Off the solution redundant rows gain rank of the order of the residual; cutting their singular
+    values off would make steps jump, damping does not (Yamashita and Fukushima 2001).
+
+    Args:
+        residual: F, scaled so that its entries compare.
+        jacobian: derivative of F by the step, with columns of zeros for what is held.
+        retract: the configuration a step leads to.
+        q: the start.
+        tolerance: largest residual of a root.
+        max_steps: steps before giving up.
+    """
+    F = residual(q)
+    if not np.all(np.isfinite(F)):
+        return Solution(q, float("inf"), float("inf"), Ending.not_finite, 0)
+    gap, last_step, trust = _largest(F), 0.0, 1.0
+    if gap <= CLOSED_AT_START:
+        return Solution(q, gap, 0.0, Ending.closed, 0)
+    for steps in range(max_steps):
+        if gap <= ROUNDING:
+            return Solution(q, gap, last_step, Ending.closed, steps)
+        U, s, Vt = np.linalg.svd(jacobian(q), full_matrices=False)
+        along = U.T @ F
+        if _is_minimum(along, s, F, gap, tolerance):
+            return Solution(q, gap, last_step, Ending.open, steps)
+        new = _improved(residual, retract, q, F, along, s, Vt, trust)
+        if new is None:
+            ending = Ending.closed if gap <= tolerance else Ending.open
+            return Solution(q, gap, last_step, ending, steps)
+        q, F, last_step, trust = new
+        before, gap = gap, _largest(F)
+        if gap <= tolerance and gap > 0.5 * before:
+            return Solution(q, gap, last_step, Ending.closed, steps + 1)
+    ending = Ending.closed if gap <= tolerance else Ending.step_limit
+    return Solution(q, gap, last_step, ending, max_steps)
+
+
+def _is_minimum(along: Array, s: Array, F: Array, gap: float, tolerance: float) -> bool:
+    """Whether the squared residual has no slope left although the equations do not hold."""
+    if gap <= tolerance:
+        return False
+    slope = float(np.linalg.norm(s * along)) if s.size else 0.0
+    largest = float(s[0]) if s.size else 0.0
+    return slope <= STALL * largest * float(np.linalg.norm(F))
+
+
+def _improved(
+    residual: Callable[[Array], Array],
+    retract: Callable[[Array, Array], Array],
+    q: Array,
+    F: Array,
+    along: Array,
+    s: Array,
+    Vt: Array,
+    trust: float,
+) -> tuple[Array, Array, float, float] | None:
+    """The first of ever more damped steps that lowers the residual, or None."""
+    size = float(np.linalg.norm(F))
+    for _ in range(30):
+        step = -Vt.T @ (s * along / (s * s + trust * min(size, 1.0) ** 2 + 1e-300))
+        length = float(np.linalg.norm(step))
+        if length > LARGEST_STEP:
+            step *= LARGEST_STEP / length
+        new_q = retract(q, step)
+        new_F = residual(new_q)
+        if np.all(np.isfinite(new_F)) and float(np.linalg.norm(new_F)) < size:
+            return new_q, new_F, float(np.linalg.norm(step)), max(trust / 10, 1e-3)
+        trust = max(trust, 1e-6) * 10
+    return None
+
+
+def _largest(F: Array) -> float:
+    return float(np.max(np.abs(F), initial=0.0))

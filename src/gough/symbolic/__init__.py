@@ -1,0 +1,1 @@
+"""Models of a mechanism as scalar expressions (CasADi SX)."""
