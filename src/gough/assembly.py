@@ -118,8 +118,8 @@ class Assembler:
     def home(self, seed: int = 0) -> Assembly:
         """The closed configuration that the described start leads to.
 
-        Given values of outputs and motors are kept where the loops close with them, then those of
-        outputs alone; passive joints only start from theirs. If the described start does not
+        Given values of outputs and motors are kept where the loops close with them, else those of
+        the platform alone, else those of the motors alone; all others only start from theirs. If the described start does not
         close, passive joints without a given value are perturbed (seeded).
         """
         rng = np.random.default_rng(seed)
@@ -139,17 +139,18 @@ class Assembler:
 
     def _holds(self) -> Iterator[Array]:
         """Which variables to keep, from the most to none."""
-        roles = np.array([v.role for v in self.models.structure.variables], dtype=object)
-        wished = [
-            self.given & ((roles == "actuated") | (roles == "operational")),
-            self.given & (roles == "operational"),
-        ]
-        before = np.zeros(len(roles), dtype=bool)
-        for held in wished:
+        structure = self.models.structure
+        actuated, outputs, pose = np.zeros((3, len(self.given)), dtype=bool)
+        actuated[structure.columns("actuated")] = True
+        outputs[structure.columns("operational")] = True
+        pose[structure.columns("operational")] = structure.platform_is_output
+        before = np.zeros(len(self.given), dtype=bool)
+        for wish in (actuated | outputs, pose, actuated):
+            held = self.given & wish
             if held.any() and not np.array_equal(held, before):
                 yield held
             before = held
-        yield np.zeros(len(roles), dtype=bool)
+        yield np.zeros(len(self.given), dtype=bool)
 
     def _perturbed(self, rng: np.random.Generator) -> Array:
         step = rng.uniform(-1.0, 1.0, size=len(self.given)) * self.rate_scale

@@ -144,6 +144,11 @@ class Structure:
         return [k for k, variable in enumerate(self.variables) if variable.role == role]
 
     @property
+    def platform_is_output(self) -> bool:
+        """Whether the outputs are coordinates of the platform and not joints."""
+        return any(name in POSE for name in self.mechanism.operational)
+
+    @property
     def loops(self) -> int:
         """Number of independent loops of the graph of bodies, joints and constraints."""
         edges = len(self.flat.joints) + len(self.flat.constraints)

@@ -68,4 +68,4 @@ class Kernel:
     @staticmethod
     def _columns(array: Array, batch: tuple[int, ...]) -> casadi.DM:
         spread = np.broadcast_to(array, (*batch, array.shape[-1]))
-        return casadi.DM(spread.reshape(-1, array.shape[-1]).T)
+        return casadi.DM(spread.reshape(int(np.prod(batch, dtype=int)), array.shape[-1]).T)

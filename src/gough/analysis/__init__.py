@@ -1,0 +1,1 @@
+"""Mobility, redundancy and singularities of one configuration."""

@@ -1,0 +1,69 @@
+"""Redundant closure equations, named by the joints that repeat them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough.analysis.ranks import singular_values
+from gough.symbolic.closure import Block
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Redundancy:
+    """Equations of one closing that others already impose."""
+
+    joint: str
+    equations: int
+    """How many of its equations are repeated."""
+    of: int
+    """How many equations it has."""
+    implied_by: tuple[str, ...]
+    """Closings whose equations imply them; if none, the joints of its own loop."""
+
+    def __str__(self) -> str:
+        return (
+            f"{self.joint} repeats {self.equations} of its {self.of} equations, "
+            f"already imposed by {', '.join(self.implied_by)}"
+        )
+
+
+def redundancies(E: Array, blocks: tuple[Block, ...], threshold: float) -> list[Redundancy]:
+    """The closings whose equations depend on those before them, in order.
+
+    Args:
+        E: scaled closure Jacobian, (rows, variables).
+        blocks: its rows by closing.
+        threshold: singular values up to here are zero.
+    """
+
+    def rank(chosen: list[Block]) -> int:
+        rows = [E[block.rows] for block in chosen]
+        return int(np.sum(singular_values(np.vstack(rows).T) > threshold)) if rows else 0
+
+    found, before = [], 0
+    for k, block in enumerate(blocks):
+        after = rank(list(blocks[: k + 1]))
+        count = block.rows.stop - block.rows.start
+        added, before = after - before, after
+        if added < count:
+            implying = _smallest(list(blocks[:k]), block, added, rank)
+            names = tuple(other.name for other in implying)
+            own = tuple(joint for joint in block.joints if joint != block.name)
+            found.append(Redundancy(block.name, count - added, count, names or own))
+    return found
+
+
+def _smallest(earlier: list[Block], block: Block, added: int, rank: object) -> list[Block]:
+    """Earlier closings without those that are not needed to imply what a block repeats."""
+    assert callable(rank)
+    kept = list(earlier)
+    for other in earlier:
+        rest = [b for b in kept if b is not other]
+        if rank([*rest, block]) - rank(rest) == added:
+            kept = rest
+    return kept

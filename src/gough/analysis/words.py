@@ -1,0 +1,75 @@
+"""An analysis as a short text for people."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gough.analysis.analysis import Analysis
+
+WIDTH = 22
+
+
+def table(analysis: Analysis) -> str:
+    """The analysis, one fact a line."""
+    counts, structure, generic = analysis.counts, analysis.structure, analysis.defects_generic
+    lines = [
+        ("mechanism", f"{analysis.name} ({structure.architecture}, {structure.mechanism.motion})"),
+        ("bodies, joints, loops", f"{_bodies(analysis)}, {len(structure.flat.joints)}, {structure.loops}"),
+        (
+            "variables",
+            f"{counts.total}: {counts.actuated} actuated, {counts.passive} passive, "
+            f"{counts.operational} operational",
+        ),
+        ("equations", f"{analysis.equations}, rank {analysis.ranks.E}, {_redundant(analysis)}"),
+        ("mobility", _mobility(analysis)),
+        ("actuation", analysis.actuation),
+        ("defects", _defects(analysis.defects.as_dict())),
+        ("generic defects", _defects(generic.as_dict())),
+        ("singularity", _singularity(analysis)),
+        ("rank gap", f"{analysis.rates.gap:.1e}"),
+        (
+            "assembly",
+            f"closed to {analysis.assembly.residual:.1e} in {analysis.assembly.steps} steps",
+        ),
+    ]
+    lines += [("free motion", motion.description) for motion in analysis.free_motions]
+    lines += [("note", warning) for warning in analysis.warnings]
+    return "\n".join(f"{label:<{WIDTH}} {text}" for label, text in lines)
+
+
+def _bodies(analysis: Analysis) -> int:
+    structure = analysis.structure
+    return len(set(structure.flat.bodies) - {structure.mechanism.base})
+
+
+def _redundant(analysis: Analysis) -> str:
+    return f"{analysis.redundant_equations or 'none'} redundant"
+
+
+def _mobility(analysis: Analysis) -> str:
+    usual = analysis.mobility_generic
+    same = analysis.mobility == usual
+    return str(usual) if same else f"{analysis.mobility} here, {usual} generic"
+
+
+def _defects(defects: dict[str, int]) -> str:
+    named = [f"{name} {value}" for name, value in defects.items() if value]
+    return ", ".join(named) or "none"
+
+
+def _singularity(analysis: Analysis) -> str:
+    found = analysis.singularity
+    kinds = [
+        word
+        for word, is_it in (
+            ("type 1", found.type_1),
+            ("type 2", found.type_2),
+            ("constraint", found.constraint),
+        )
+        if is_it
+    ]
+    if not kinds and not any(analysis.excess.values()):
+        return "none"
+    kinds = kinds or ["of passive motion"]
+    return f"{', '.join(kinds)}; {found.motion}" if found.motion else ", ".join(kinds)

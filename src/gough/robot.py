@@ -1,0 +1,162 @@
+"""What a user holds: one mechanism with its models, made on demand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gough import catalogue
+from gough.analysis.analysis import Analysis, analyse
+from gough.assembly import Assembler, Assembly
+from gough.description import Mechanism
+from gough.formats.native import Source
+from gough.models import Models
+from gough.topology import Modelling, Structure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Home:
+    """The closed start configuration."""
+
+    q: Array
+    """Positions of the joints of the tree."""
+    q_actuated: Array
+    """Positions of the actuated joints, rad and m."""
+    x: Array
+    """A pose (x, y, z, then the quaternion w, x, y, z) where all six freedoms of the platform are
+    operational, else the operational coordinates, rad and m."""
+    assembly: Assembly
+
+
+class Robot:
+    """One mechanism and its models.
+
+    Args:
+        mechanism: the description.
+        modelling: one of the two ways to model the platform; the description's own by default.
+        live: values of live parameters by name; those of the description by default.
+
+    Raises:
+        DescriptionError: a loop has no passive joint to cut.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        modelling: Modelling | None = None,
+        live: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.mechanism = mechanism
+        self.structure = Structure(mechanism, modelling)
+        self._live = dict(live or {})
+
+    @property
+    def name(self) -> str:
+        """The mechanism's name."""
+        return self.mechanism.name
+
+    @cached_property
+    def models(self) -> Models:
+        """Expressions and kernels."""
+        return Models(self.structure)
+
+    @cached_property
+    def assembler(self) -> Assembler:
+        """What closes the loops."""
+        return Assembler(self.models, self.models.parameters(self._live))
+
+    @cached_property
+    def home(self) -> Home:
+        """The closed start configuration.
+
+        Raises:
+            ClosureError: the loops do not close.
+        """
+        assembly = self.assembler.home().require()
+        q = assembly.q
+        return Home(q, self._actuated(q), self._operational(q), assembly)
+
+    def analyse(self, seed: int = 0) -> Analysis:
+        """Mobility, redundancy and singularity at the home configuration.
+
+        Args:
+            seed: of the random configurations that generic values are taken from.
+
+        Raises:
+            ClosureError: the loops do not close.
+        """
+        return analyse(self.assembler, self.home.assembly, seed)
+
+    def _actuated(self, q: Array) -> Array:
+        return self._positions(q, "actuated")
+
+    def _operational(self, q: Array) -> Array:
+        return self._positions(q, "operational")
+
+    def _positions(self, q: Array, role: str) -> Array:
+        """Position numbers of the edges with a freedom of a role, in the order of the variables."""
+        picked: list[float] = []
+        for k, edge in enumerate(self.structure.edges):
+            roles = [v.role for v in self.structure.variables if v.edge == k]
+            position = q[self.models.closure.slices[k]]
+            if roles and all(r == role for r in roles):
+                picked.extend(position)
+            elif role in roles:
+                if len(position) != len(roles):
+                    position = _rotation_vector_last(position)
+                picked.extend(x for x, r in zip(position, roles, strict=True) if r == role)
+        return np.array(picked)
+
+
+def _rotation_vector_last(position: Array) -> Array:
+    """Translations, then the rotation vector of the trailing quaternion (w, x, y, z)."""
+    w, v = position[-4], position[-3:]
+    size = float(np.linalg.norm(v))
+    angle = 2 * np.arctan2(size, abs(w)) * (1 if w >= 0 else -1)
+    vector = v * (angle / size) if size > 0 else 2 * v
+    return np.concatenate([position[:-4], vector])
+
+
+def load(
+    robot: str | Path,
+    modelling: Modelling | None = None,
+    **parameters: Any,
+) -> Robot:
+    """The robot of a description file, or of a name in the catalogue.
+
+    Args:
+        robot: a path, or the name of a robot of the catalogue.
+        modelling: see ``Mechanism.modelling``.
+        parameters: values that replace those of the description's parameters.
+
+    Raises:
+        DescriptionError: the file is missing or something in it is wrong.
+        UnknownName: there is no such robot, or no such parameter.
+    """
+    source = open_source(robot)
+    mechanism = source.mechanism(parameters)
+    return source.locating(lambda: Robot(mechanism, modelling))
+
+
+def open_source(robot: str | Path) -> Source:
+    """The description file of a path or of a name in the catalogue.
+
+    Raises:
+        DescriptionError: the file is missing or no YAML.
+        UnknownName: there is no such robot.
+    """
+    path = Path(robot)
+    looks_like_path = path.suffix in (".yaml", ".yml") or len(path.parts) > 1 or path.exists()
+    if isinstance(robot, Path) or looks_like_path:
+        return Source.open(path)
+    return Source(catalogue.file(str(robot)).read_bytes(), f"{robot}.yaml")
+
+
