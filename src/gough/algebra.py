@@ -49,18 +49,22 @@ def atan2(y: Scalar, x: Scalar) -> Scalar:
 
 
 def cos(x: Scalar) -> Scalar:
+    """Cosine of an angle in rad."""
     return apply("cos", x)
 
 
 def sin(x: Scalar) -> Scalar:
+    """Sine of an angle in rad."""
     return apply("sin", x)
 
 
 def sqrt(x: Scalar) -> Scalar:
+    """Square root."""
     return apply("sqrt", x)
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:
+    """a b."""
     if is_number(a):
         a, b = b, a
     if is_number(b):
@@ -74,6 +78,7 @@ def mul(a: Scalar, b: Scalar) -> Scalar:
 
 
 def add(a: Scalar, b: Scalar) -> Scalar:
+    """a + b."""
     if is_number(a) and a == 0:
         return b
     if is_number(b) and b == 0:
@@ -82,12 +87,14 @@ def add(a: Scalar, b: Scalar) -> Scalar:
 
 
 def sub(a: Scalar, b: Scalar) -> Scalar:
+    """a - b."""
     if is_number(b) and b == 0:
         return a
     return -b if is_number(a) and a == 0 else a - b
 
 
 def total(terms: Sequence[Scalar]) -> Scalar:
+    """Sum of the terms."""
     result: Scalar = 0.0
     for term in terms:
         result = add(result, term)
@@ -95,22 +102,27 @@ def total(terms: Sequence[Scalar]) -> Scalar:
 
 
 def scale(k: Scalar, v: Vector) -> Vector:
+    """k v."""
     return (mul(k, v[0]), mul(k, v[1]), mul(k, v[2]))
 
 
 def plus(a: Vector, b: Vector) -> Vector:
+    """a + b."""
     return (add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2]))
 
 
 def minus(a: Vector, b: Vector) -> Vector:
+    """a - b."""
     return (sub(a[0], b[0]), sub(a[1], b[1]), sub(a[2], b[2]))
 
 
 def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
+    """a·b."""
     return total([mul(x, y) for x, y in zip(a, b, strict=True)])
 
 
 def cross(a: Vector, b: Vector) -> Vector:
+    """a × b."""
     return (
         sub(mul(a[1], b[2]), mul(a[2], b[1])),
         sub(mul(a[2], b[0]), mul(a[0], b[2])),
@@ -119,18 +131,22 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def norm(v: Vector) -> Scalar:
+    """|v|."""
     return sqrt(dot(v, v))
 
 
 def unit(v: Vector) -> Vector:
+    """v / |v|."""
     return scale(1.0 / norm(v), v)
 
 
 def transpose(R: Matrix) -> Matrix:
+    """Rᵀ."""
     return ((R[0][0], R[1][0], R[2][0]), (R[0][1], R[1][1], R[2][1]), (R[0][2], R[1][2], R[2][2]))
 
 
 def column(R: Matrix, k: int) -> Vector:
+    """Column k of R: the image of axis k."""
     return (R[0][k], R[1][k], R[2][k])
 
 
@@ -140,6 +156,7 @@ def turn(R: Matrix, v: Vector) -> Vector:
 
 
 def matmul(A: Matrix, B: Matrix) -> Matrix:
+    """A B."""
     columns = transpose(B)
     return tuple(tuple(dot(row, col) for col in columns) for row in A)  # type: ignore[return-value]
 
@@ -175,6 +192,7 @@ def rotation_from_quaternion_wxyz(q: Sequence[Scalar]) -> Matrix:
 
 
 def from_columns(x: Vector, y: Vector, z: Vector) -> Matrix:
+    """The matrix with the columns x, y, z."""
     return transpose((x, y, z))
 
 

@@ -19,6 +19,7 @@ from gough.numerics.newton import Ending
 from gough.topology import Edge
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 TOLERANCE = 1e-12
 """Largest residual of a closed loop: sines, and lengths over the characteristic length."""
@@ -85,7 +86,7 @@ class Assembler:
         E = self.models.jacobian(q, self.p)
         return np.asarray(self.row_scale[:, None] * E * self.rate_scale)
 
-    def close(self, q: Array, held: Array | None = None, max_steps: int = 200) -> newton.Solution:
+    def close(self, q: Array, held: Mask | None = None, max_steps: int = 200) -> newton.Solution:
         """Close the loops from q.
 
         Args:
@@ -95,7 +96,7 @@ class Assembler:
         """
         free = np.ones(len(self.models.structure.variables), dtype=bool)
         if held is not None:
-            free = ~held
+            free &= ~held
         solution = newton.solve(
             lambda at: self.row_scale * self.models.residual(at, self.p),
             lambda at: self.scaled_jacobian(at) * free,
@@ -137,10 +138,10 @@ class Assembler:
         assert best is not None
         return self._assembly(best, steps, RESTARTS)
 
-    def _holds(self) -> Iterator[Array]:
+    def _holds(self) -> Iterator[Mask]:
         """Which variables to keep, from the most to none."""
         structure = self.models.structure
-        actuated, outputs, pose = np.zeros((3, len(self.given)), dtype=bool)
+        actuated, outputs, pose = (np.zeros(len(self.given), dtype=bool) for _ in range(3))
         actuated[structure.columns("actuated")] = True
         outputs[structure.columns("operational")] = True
         pose[structure.columns("operational")] = structure.platform_is_output
@@ -161,10 +162,15 @@ class Assembler:
         worst = ""
         if F.size:
             row = int(np.argmax(self.row_scale * F))
-            block = next(b for b in self.models.closure.blocks if b.rows.start <= row < b.rows.stop)
-            worst = f"{block.name} (loop of {', '.join(block.joints)})"
+            worst = self._place_of(row)
         largest = float(F.max(initial=0.0))
         return Assembly(solution.q, largest, steps, restarts, solution.ending, worst)
+
+    def _place_of(self, row: int) -> str:
+        """The closing that a row belongs to, and the joints of its loop."""
+        blocks = self.models.closure.blocks
+        block = next(b for b in blocks if b.rows.start <= row < b.rows.stop)
+        return f"{block.name} (loop of {', '.join(block.joints)})"
 
     # elsewhere
 
@@ -200,7 +206,7 @@ def _tangent(E: Array, direction: Array) -> Array:
     return np.asarray(direction - kept.T @ (kept @ direction))
 
 
-def _start(models: Models) -> tuple[Array, Array]:
+def _start(models: Models) -> tuple[Array, Mask]:
     """Described positions, neutral where there are none, and which variables were described."""
     q: list[float] = []
     given: list[bool] = []
@@ -223,9 +229,8 @@ def characteristic_length(models: Models, q: Array, p: Array) -> float:
     """Root mean square distance of the joints from their centroid, m; 1 if that is zero."""
     poses = dict(zip(models.structure.bodies, models.poses(q, p), strict=True))
     poses[models.structure.root] = np.eye(4)
-    parts = (*models.structure.flat.joints.values(), *models.structure.flat.constraints.values())
     points = []
-    for part in parts:
+    for part in models.structure.flat.links:
         for body, frame in zip(part.bodies, part.frames, strict=True):
             _, origin = transform(frame, models.closure.nominal)
             if body in poses:
@@ -235,5 +240,3 @@ def characteristic_length(models: Models, q: Array, p: Array) -> float:
     spread = np.array(points)[:, :3]
     length = float(np.sqrt(np.mean(np.sum((spread - spread.mean(axis=0)) ** 2, axis=1))))
     return length if length > 1e-12 else 1.0
-
-

@@ -58,9 +58,7 @@ class Models:
         output = casadi.vertcat(*stacked) if stacked else casadi.SX(0, columns)
         return self._kernel("body_jacobians", output, (len(bodies), 6, columns))
 
-    def _kernel(
-        self, name: str, output: casadi.SX, shape: tuple[int, ...] | None = None
-    ) -> Kernel:
+    def _kernel(self, name: str, output: casadi.SX, shape: tuple[int, ...] | None = None) -> Kernel:
         return Kernel(name, {"q": self.closure.q, "p": self.closure.p}, output, shape)
 
     # positions and parameters
@@ -97,7 +95,7 @@ class Models:
         out, start = np.empty_like(q), 0
         for edge, part in zip(self.structure.edges, self.closure.slices, strict=True):
             rates = step[start : start + edge.type.freedoms]
-            out[part] = edge.type.retract(q[part], rates)
+            out[part] = edge.type.retract(q[part].tolist(), rates.tolist())
             start += edge.type.freedoms
         return out
 
@@ -114,4 +112,5 @@ class Models:
 
 def _homogeneous(R: Any, p: tuple[Scalar, ...]) -> casadi.SX:
     rows = [casadi.horzcat(*R[i], p[i]) for i in range(3)]
-    return casadi.vertcat(*rows, casadi.horzcat(0.0, 0.0, 0.0, 1.0))
+    matrix: casadi.SX = casadi.vertcat(*rows, casadi.horzcat(0.0, 0.0, 0.0, 1.0))
+    return matrix

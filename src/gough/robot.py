@@ -17,7 +17,7 @@ from gough.assembly import Assembler, Assembly
 from gough.description import Mechanism
 from gough.formats.native import Source
 from gough.models import Models
-from gough.topology import Modelling, Structure
+from gough.topology import Modelling, Role, Structure
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ class Robot:
         """
         assembly = self.assembler.home().require()
         q = assembly.q
-        return Home(q, self._actuated(q), self._operational(q), assembly)
+        return Home(q, self._positions(q, "actuated"), self._positions(q, "operational"), assembly)
 
     def analyse(self, seed: int = 0) -> Analysis:
         """Mobility, redundancy and singularity at the home configuration.
@@ -95,16 +95,10 @@ class Robot:
         """
         return analyse(self.assembler, self.home.assembly, seed)
 
-    def _actuated(self, q: Array) -> Array:
-        return self._positions(q, "actuated")
-
-    def _operational(self, q: Array) -> Array:
-        return self._positions(q, "operational")
-
-    def _positions(self, q: Array, role: str) -> Array:
-        """Position numbers of the edges with a freedom of a role, in the order of the variables."""
+    def _positions(self, q: Array, role: Role) -> Array:
+        """Position numbers of the freedoms with a role, in the order of the variables."""
         picked: list[float] = []
-        for k, edge in enumerate(self.structure.edges):
+        for k in range(len(self.structure.edges)):
             roles = [v.role for v in self.structure.variables if v.edge == k]
             position = q[self.models.closure.slices[k]]
             if roles and all(r == role for r in roles):
@@ -158,5 +152,3 @@ def open_source(robot: str | Path) -> Source:
     if isinstance(robot, Path) or looks_like_path:
         return Source.open(path)
     return Source(catalogue.file(str(robot)).read_bytes(), f"{robot}.yaml")
-
-

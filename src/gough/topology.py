@@ -40,6 +40,7 @@ class Edge:
 
     @property
     def child(self) -> str:
+        """The body that a joint of the tree places."""
         a, b = self.bodies
         return b if self.parent == a else a
 
@@ -151,8 +152,12 @@ class Structure:
     @property
     def loops(self) -> int:
         """Number of independent loops of the graph of bodies, joints and constraints."""
-        edges = len(self.flat.joints) + len(self.flat.constraints)
-        return edges - len(set(self.flat.bodies) - {self.mechanism.base})
+        return len(self.flat.joints) + len(self.flat.constraints) - self.moving_bodies
+
+    @property
+    def moving_bodies(self) -> int:
+        """Number of bodies without the base."""
+        return len(self.flat.bodies.keys() - {self.mechanism.base})
 
     @cached_property
     def legs(self) -> tuple[Chain, ...]:
@@ -171,7 +176,9 @@ class Structure:
 
 def _variables(edges: Iterable[Edge], mechanism: Mechanism) -> Iterator[Variable]:
     for k, edge in enumerate(edges):
-        for freedom, (unit, label) in enumerate(zip(edge.type.rates, edge.type.labels, strict=True)):
+        for freedom, (unit, label) in enumerate(
+            zip(edge.type.rates, edge.type.labels, strict=True)
+        ):
             name = f"{edge.name}.{label}" if label else edge.name
             yield Variable(name, k, freedom, unit, _role(edge, label, mechanism))
 
@@ -225,8 +232,13 @@ class _Builder:
         return Free(body.free or every)
 
     def _holding(self) -> list[str]:
-        """Names of the joints that hold the platform."""
-        return [name for name, edge in self.joints.items() if self.mechanism.platform in edge.bodies]
+        """Names of the joints that hold the platform, and not what only hangs on it."""
+        platform, placed = self.mechanism.platform, self._depths().keys() | self.free.keys()
+        return [
+            name
+            for name, edge in self.joints.items()
+            if platform in edge.bodies and placed & (set(edge.bodies) - {platform})
+        ]
 
     def _must_stay(self, name: str) -> bool:
         return not self._cuttable(self.joints[name])
@@ -238,8 +250,10 @@ class _Builder:
         """The joint, holding its own piece of the platform where that is cut."""
         if edge.name not in self.pieces:
             return edge
-        a, b = (_piece(body, edge.name) if body == self.mechanism.platform else body
-                for body in edge.bodies)
+        a, b = (
+            _piece(body, edge.name) if body == self.mechanism.platform else body
+            for body in edge.bodies
+        )
         return replace(edge, bodies=(a, b))
 
     # which joints close loops
@@ -424,11 +438,9 @@ def _route(flat: Flat, joints: tuple[str, ...], mechanism: Mechanism) -> list[st
                     todo.append(other)
     route: list[str] = []
     at = mechanism.platform
-    while at is not None and before.get(at) is not None:
-        name = before[at]
-        assert name is not None
-        route.append(name)
-        pair = flat.joints[name].bodies
+    while at is not None and (step := before.get(at)) is not None:
+        route.append(step)
+        pair = flat.joints[step].bodies
         at = pair[0] if pair[1] == at else pair[1]
     return route[::-1]
 

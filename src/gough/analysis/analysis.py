@@ -32,7 +32,7 @@ class Singularity:
     type_2: bool
     """Type 2: outputs can move with the motors locked."""
     constraint: bool
-    """The legs no longer hold the platform to its usual motions (Zlatanov, Bonev, Gosselin 2002)."""
+    """The legs no longer hold the platform to its usual motions (Zlatanov et al. 2002)."""
     motion: str | None
     """The lost or gained motions in words."""
 
@@ -119,12 +119,15 @@ class Analysis:
 
     @property
     def actuation(self) -> str:
-        """``full``, or what is redundant or missing, joined by commas."""
+        """``full``, or what is redundant or missing, joined by commas.
+
+        Without outputs every motor moves with "the output at rest", so RI says nothing then.
+        """
         generic = self.defects_generic
         words = []
         if generic.II > 0:
             words.append("redundant")
-        if generic.RI > 0:
+        if generic.RI > 0 and self.counts.operational:
             words.append("kinematically redundant")
         if generic.RO > 0 or self._idle_without_output:
             words.append("under")
@@ -138,7 +141,7 @@ class Analysis:
         floating = 0
         if self.structure.mechanism.floating:
             floating = self.structure.edges[0].type.freedoms
-        return self.defects_generic.RPM > floating
+        return floating < self.defects_generic.RPM
 
     @property
     def printed_tests(self) -> dict[str, bool]:
@@ -175,7 +178,7 @@ class Analysis:
             "architecture": structure.architecture,
             "modelling": structure.modelling,
             "motion": structure.mechanism.motion,
-            "bodies": len(set(structure.flat.bodies) - {structure.mechanism.base}),
+            "bodies": structure.moving_bodies,
             "joints": len(structure.flat.joints),
             "loops": structure.loops,
             "tree_dof": counts.total,
@@ -282,7 +285,9 @@ def _singularity(rates: Linearisation, generic: Generic, motions: Motions) -> Si
     constraint = motions.platform_rank() > generic.platform
     words = []
     if type_2:
-        words += [f"gained with the motors locked: {w}" for w in motions.gained_with_motors_locked()]
+        words += [
+            f"gained with the motors locked: {w}" for w in motions.gained_with_motors_locked()
+        ]
     if constraint:
         words += [f"gained beyond the outputs: {w}" for w in motions.gained_beyond_outputs()]
     if here.IO > usual.IO:

@@ -82,7 +82,11 @@ class Motions:
         who = "the whole mechanism" if whole else ", ".join(bodies)
         verb = "spins" if len(bodies) == 1 else "spin together"
         motion = name_twist(twist, self.origin(bodies[0]), self.length, who)
-        if not whole and motion.kind == "rotation" and self._through_joints(bodies, motion.direction, motion.point):
+        if (
+            not whole
+            and motion.kind == "rotation"
+            and self._through_joints(bodies, motion.direction, motion.point)
+        ):
             own = "its own axis" if len(bodies) == 1 else "their own axis"
             return f"{who} {verb} about {own}"
         return motion.text
@@ -103,9 +107,8 @@ class Motions:
 
     def _ends(self, bodies: list[str]) -> list[Array]:
         """Where joints and constraints hold a group of bodies, in axes of the root."""
-        flat = self.structure.flat
         ends = []
-        for part in (*flat.joints.values(), *flat.constraints.values()):
+        for part in self.structure.flat.links:
             inside = [body in bodies for body in part.bodies]
             if sum(inside) == 1:
                 k = inside.index(True)
@@ -172,7 +175,9 @@ class Motions:
         """A direction in the space of outputs, as a sum of their names."""
         names = [self.structure.variables[k].name for k in self.structure.columns("operational")]
         platform = self.structure.mechanism.platform
-        plain = [n.removeprefix(f"{platform}.") if n.rsplit(".", 1)[-1] in POSE else n for n in names]
+        plain = [
+            n.removeprefix(f"{platform}.") if n.rsplit(".", 1)[-1] in POSE else n for n in names
+        ]
         scale = self.rate_scale[self.structure.columns("operational")]
         weights = row / scale
         weights = weights / weights[np.argmax(np.abs(weights) > 0)]

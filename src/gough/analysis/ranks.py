@@ -59,9 +59,7 @@ class Linearisation:
     def ranks(self) -> Ranks:
         """Ranks of the blocks that the definitions use."""
         M, N, K = self.M, self.N, self.K
-        return Ranks(
-            N=self.rank(N), MN=self.rank(M, N), NK=self.rank(N, K), E=self.rank(M, N, K)
-        )
+        return Ranks(N=self.rank(N), MN=self.rank(M, N), NK=self.rank(N, K), E=self.rank(M, N, K))
 
     @cached_property
     def gap(self) -> float:
@@ -163,7 +161,9 @@ def linearise(assembler: Assembler, q: Array) -> Linearisation:
     """The rates of a closed configuration q, split by roles."""
     E = assembler.scaled_jacobian(q)
     columns = assembler.models.structure.columns
-    return Linearisation(E[:, columns("actuated")], E[:, columns("passive")], E[:, columns("operational")])
+    return Linearisation(
+        E[:, columns("actuated")], E[:, columns("passive")], E[:, columns("operational")]
+    )
 
 
 def printed_tests(rates: Linearisation) -> dict[str, bool]:
@@ -172,21 +172,26 @@ def printed_tests(rates: Linearisation) -> dict[str, bool]:
     They are offered for comparison. None of them is a definition used here: (5) and (6) misjudge
     redundancy, (8) to (10) together miss singularities of passive motion.
     """
-    r_M, r_K, ranks, a = rates.rank(rates.M), rates.rank(rates.K), rates.ranks, rates.counts.actuated
+    r_M, r_K, ranks, a = (
+        rates.rank(rates.M),
+        rates.rank(rates.K),
+        rates.ranks,
+        rates.counts.actuated,
+    )
     return {
         "eq5_m_ge_a": mobility(ranks, rates.counts) >= a,
         "eq6_redundant": r_K < a,
         "eq7_under": r_M < r_K,
         "eq8": r_K == rates.counts.operational,
-        "eq9": ranks.MN == r_M + ranks.N,
-        "eq10": ranks.NK == ranks.N + r_K,
+        "eq9": r_M + ranks.N == ranks.MN,
+        "eq10": ranks.N + r_K == ranks.NK,
     }
 
 
 def singular_values(*blocks: Array) -> Array:
     """Singular values of blocks side by side, largest first."""
     A = np.hstack(blocks)
-    return np.linalg.svd(A, compute_uv=False) if A.size else np.zeros(0)
+    return np.asarray(np.linalg.svd(A, compute_uv=False)) if A.size else np.zeros(0)
 
 
 def spectral_norm(A: Array) -> float:

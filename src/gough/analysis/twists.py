@@ -85,7 +85,7 @@ def echelon(rows: Array, companion: Array | None = None) -> Array:
     table = rows.copy() if companion is None else np.hstack([rows, companion])
     for i in range(table.shape[0]):
         left = np.abs(table[i:, :n])
-        r, c = np.unravel_index(int(np.argmax(np.round(left, 9))), left.shape)
+        r, c = divmod(int(np.argmax(np.round(left, 9))), n)
         table[[i, i + r]] = table[[i + r, i]]
         table[i] /= table[i, c]
         for k in range(table.shape[0]):

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from gough.analysis.analysis import Analysis
 
-WIDTH = 22
+WIDTH, LINE = 22, 100
 
 
 def table(analysis: Analysis) -> str:
@@ -15,7 +16,10 @@ def table(analysis: Analysis) -> str:
     counts, structure, generic = analysis.counts, analysis.structure, analysis.defects_generic
     lines = [
         ("mechanism", f"{analysis.name} ({structure.architecture}, {structure.mechanism.motion})"),
-        ("bodies, joints, loops", f"{_bodies(analysis)}, {len(structure.flat.joints)}, {structure.loops}"),
+        (
+            "bodies, joints, loops",
+            f"{structure.moving_bodies}, {len(structure.flat.joints)}, {structure.loops}",
+        ),
         (
             "variables",
             f"{counts.total}: {counts.actuated} actuated, {counts.passive} passive, "
@@ -35,12 +39,16 @@ def table(analysis: Analysis) -> str:
     ]
     lines += [("free motion", motion.description) for motion in analysis.free_motions]
     lines += [("note", warning) for warning in analysis.warnings]
-    return "\n".join(f"{label:<{WIDTH}} {text}" for label, text in lines)
-
-
-def _bodies(analysis: Analysis) -> int:
-    structure = analysis.structure
-    return len(set(structure.flat.bodies) - {structure.mechanism.base})
+    return "\n".join(
+        textwrap.fill(
+            text,
+            LINE,
+            initial_indent=f"{label:<{WIDTH}} ",
+            subsequent_indent=" " * (WIDTH + 1),
+            break_long_words=False,
+        )
+        for label, text in lines
+    )
 
 
 def _redundant(analysis: Analysis) -> str:

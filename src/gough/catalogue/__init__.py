@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from importlib import resources
 from importlib.resources.abc import Traversable
+from typing import Any
 
 from gough.errors import UnknownName
 
@@ -23,3 +25,13 @@ def file(name: str) -> Traversable:
     if name not in names():
         raise UnknownName("robot of the catalogue", name, names())
     return resources.files(__package__) / f"{name}.yaml"
+
+
+def facts() -> list[dict[str, Any]]:
+    """Legs, mobility, loops and redundant equations of every robot, as last computed.
+
+    ``python -m gough.catalogue_facts`` computes them anew; a test compares.
+    """
+    stored = json.loads((resources.files(__package__) / "facts.json").read_text("utf-8"))
+    rows: list[dict[str, Any]] = stored["robots"]
+    return rows

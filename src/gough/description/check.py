@@ -118,7 +118,9 @@ class _Checker:
             self._check_inertia(inertia, mass, (*path, "inertia"))
         if self.mechanism.motion == "planar" and body.free:
             for move in sorted(set(body.free) - set(PLANAR_MOVES)):
-                self.report((*path, "free"), f"{move!r} leaves the plane; planar bodies move in x, y, rz")
+                self.report(
+                    (*path, "free"), f"{move!r} leaves the plane; planar bodies move in x, y, rz"
+                )
         if body.home is not None:
             self._check_frame(body.home, (*path, "home"))
             if body.free is None and name != self.mechanism.platform:
@@ -157,7 +159,9 @@ class _Checker:
             self.report((*path, "actuated"), "a free joint has no motor")
         if self.mechanism.motion == "planar" and not kind.planar:
             known = ", ".join(sorted(t for t in TYPES if TYPES[t].planar))
-            self.report((*path, "type"), f"a {joint.type} joint leaves the plane; planar are {known}")
+            self.report(
+                (*path, "type"), f"a {joint.type} joint leaves the plane; planar are {known}"
+            )
 
     def _check_dimensions(self, joint: Joint, path: Path) -> None:
         kind = TYPES[joint.type]
@@ -172,7 +176,9 @@ class _Checker:
                 )
         for key in kind.required:
             if key not in joint.dimensions:
-                self.report(path, f"a {joint.type} joint needs dimensions: {{{key}: …}}", on_key=True)
+                self.report(
+                    path, f"a {joint.type} joint needs dimensions: {{{key}: …}}", on_key=True
+                )
         for key, written in joint.dimensions.items():
             value = self._scalar(written, (*path, "dimensions", key))
             if value is not None and (value == 0 if key == "pitch" else value <= 0):
@@ -182,9 +188,9 @@ class _Checker:
     def _check_home(self, joint: Joint, path: Path) -> None:
         written = TYPES[joint.type].written
         home = self._number(joint.home, (*path, "home"), *written)
-        if home is not None and len(home) in (4, 7) and not any(home[-4:]):
-            if joint.type in ("spherical", "free"):
-                self.report((*path, "home"), "a quaternion of zeros is no rotation")
+        turns = joint.type in ("spherical", "free") and home is not None and len(home) in (4, 7)
+        if turns and not any(home[-4:]):
+            self.report((*path, "home"), "a quaternion of zeros is no rotation")
 
     def _check_ends(self, kind: str, name: str, part: Joint | Constraint) -> None:
         path = self.flat.paths[kind, name]
@@ -293,7 +299,9 @@ class _Checker:
             elif joint.actuated:
                 self.report(("cut", k), f"{name!r} is actuated; only passive joints can be cut")
             elif name in coupled:
-                self.report(("cut", k), f"{name!r} is in a coupling or an output and can not be cut")
+                self.report(
+                    ("cut", k), f"{name!r} is in a coupling or an output and can not be cut"
+                )
 
     # the graph
 
@@ -314,7 +322,7 @@ class _Checker:
     def _component(self, start: str) -> Iterator[str]:
         """Bodies that joints and constraints join to one body, itself included."""
         neighbours: dict[str, set[str]] = {}
-        for part in (*self.flat.joints.values(), *self.flat.constraints.values()):
+        for part in self.flat.links:
             a, b = part.bodies
             neighbours.setdefault(a, set()).add(b)
             neighbours.setdefault(b, set()).add(a)

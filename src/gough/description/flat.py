@@ -35,6 +35,11 @@ class Flat:
         getattr(self, kind)[name] = part
         self.paths[kind, name] = path
 
+    @property
+    def links(self) -> list[Joint | Constraint]:
+        """Joints, then constraints: all that ties two bodies."""
+        return [*self.joints.values(), *self.constraints.values()]
+
 
 KINDS = ("bodies", "joints", "constraints", "couplings")
 

@@ -27,9 +27,13 @@ from gough.joints.free import POSE, ROTATIONS
 
 Name = Annotated[
     str,
-    StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)*$", max_length=80),
+    StringConstraints(
+        pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)*$", max_length=80
+    ),
 ]
-ParameterName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=80)]
+ParameterName = Annotated[
+    str, StringConstraints(pattern=r"^[A-Za-z_][A-Za-z0-9_]*$", max_length=80)
+]
 Axis = Literal["x", "y", "z"]
 
 
@@ -49,9 +53,7 @@ Moves = Annotated[
     tuple[str, ...],
     PlainValidator(_read_moves),
     PlainSerializer(lambda moves: list(moves) or "all"),
-    WithJsonSchema(
-        {"anyOf": [{"const": "all"}, {"type": "array", "items": {"enum": list(POSE)}}]}
-    ),
+    WithJsonSchema({"anyOf": [{"const": "all"}, {"type": "array", "items": {"enum": list(POSE)}}]}),
 ]
 
 
@@ -75,7 +77,7 @@ ConstraintTypeName = _known_type("constraint", tuple(CONSTRAINTS))
 class Part(BaseModel):
     """Immutable data; unknown names are refused."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
 class Frame(Part):

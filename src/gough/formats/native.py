@@ -32,6 +32,7 @@ class Source:
 
     @classmethod
     def open(cls, path: FilePath) -> Source:
+        """The description in a file."""
         try:
             with path.open("rb") as file:
                 return cls(file.read(MAX_BYTES + 1), str(path))

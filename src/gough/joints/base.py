@@ -36,13 +36,17 @@ class JointType(ABC):
     """The letter of the joint in the name of a leg: U, P and S in 6-UPS."""
     required: ClassVar[tuple[str, ...]] = ()
     optional: ClassVar[tuple[str, ...]] = ()
-    rates: tuple[Unit, ...]
-    """Unit of each freedom; its length is the number of freedoms."""
     planar: ClassVar[bool] = False
     """Whether the type exists in a mechanism that moves in one plane."""
 
     @property
+    @abstractmethod
+    def rates(self) -> tuple[Unit, ...]:
+        """Unit of the rate of each freedom, without the second; its length counts the freedoms."""
+
+    @property
     def freedoms(self) -> int:
+        """How many freedoms the joint has."""
         return len(self.rates)
 
     @property

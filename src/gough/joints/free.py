@@ -31,7 +31,7 @@ class Free(JointType):
     planar = True
 
     @property
-    def rates(self) -> tuple[Unit, ...]:  # type: ignore[override]
+    def rates(self) -> tuple[Unit, ...]:
         return tuple("m" if move in TRANSLATIONS else "rad" for move in self.moves)
 
     @property
@@ -85,7 +85,7 @@ class Free(JointType):
         n = len(self._shifts)
         shift = dict(zip(self._shifts, q[:n], strict=True))
         p = tuple(shift.get(axis, 0.0) for axis in TRANSLATIONS)
-        return self._rotation(q[n:]), p  # type: ignore[return-value]
+        return self._rotation(q[n:]), p
 
     def _rotation(self, q: Sequence[Scalar]) -> al.Matrix:
         match self._turns:

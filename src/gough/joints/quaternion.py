@@ -31,6 +31,7 @@ def wxyz_from_written(values: Sequence[float]) -> tuple[float, ...]:
 
 
 def normalised_wxyz(q: Sequence[float]) -> tuple[float, ...]:
+    """q / |q|."""
     size = math.hypot(*q)
     return tuple(component / size for component in q)
 

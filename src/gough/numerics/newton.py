@@ -51,7 +51,7 @@ def solve(
     tolerance: float = 1e-12,
     max_steps: int = 200,
 ) -> Solution:
-    """Levenberg-Marquardt steps with damping |F|², which keep quadratic convergence at redundant rows.
+    """Levenberg-Marquardt steps with damping |F|², of quadratic convergence at redundant rows too.
 
     Off the solution redundant rows gain rank of the order of the residual; cutting their singular
     values off would make steps jump, damping does not (Yamashita and Fukushima 2001).

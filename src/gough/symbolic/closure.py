@@ -72,6 +72,7 @@ class Closure:
         return [self.q[k] for k in range(part.start, part.stop)]
 
     def dimensions(self, part: Edge | Closing) -> Dimensions:
+        """The numbers a joint needs besides its frames."""
         return {key: scalar(value, self.values) for key, value in part.dimensions.items()}
 
     def frame(self, part: Edge | Closing, body: str) -> Transform:
@@ -89,6 +90,7 @@ class Closure:
 
     @cached_property
     def steps(self) -> tuple[Transform, ...]:
+        """T_parent_child of every edge."""
         return tuple(self.step(k) for k in range(len(self.structure.edges)))
 
     @cached_property
@@ -111,7 +113,7 @@ class Closure:
     @cached_property
     def blocks(self) -> tuple[Block, ...]:
         """Names and rows of the closings, then of the couplings."""
-        parts = [
+        parts: list[tuple[str, str, tuple[str, ...], int]] = [
             (closing.name, closing.kind, self.structure.loop_joints(closing), len(rows))
             for closing, (rows, _) in zip(self.structure.closings, self._closed, strict=True)
         ]
@@ -141,7 +143,9 @@ class Closure:
             rows = kind.planar_rows if planar else kind.rows
             return rows(a, b, dimensions), kind.branch(a, b, dimensions)
         constraint = CONSTRAINTS[closing.type]
-        return (constraint.planar_rows if planar else constraint.rows)(a, b), constraint.branch(a, b)
+        return (constraint.planar_rows if planar else constraint.rows)(a, b), constraint.branch(
+            a, b
+        )
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:
@@ -247,7 +251,7 @@ def _slices(lengths: Any) -> tuple[slice, ...]:
 
 
 def _column(values: Sequence[Scalar]) -> SX:
-    return casadi.vertcat(*values) if values else SX(0, 1)
+    return SX(casadi.vertcat(*values)) if values else SX(0, 1)
 
 
 def _matrix(rows: Sequence[Sequence[Scalar]], n: int, m: int) -> SX:

@@ -1,0 +1,86 @@
+"""Exact models and analysis of robots with closed kinematic loops.
+
+The names below are the public face; each is imported from its room at first use, so that
+``import gough`` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gough.analysis.analysis import Analysis
+    from gough.description import (
+        Body,
+        Constraint,
+        Coupling,
+        Frame,
+        Joint,
+        Leg,
+        Mechanism,
+        Parameter,
+    )
+    from gough.errors import (
+        ClosureError,
+        ConfigurationError,
+        DescriptionError,
+        GoughError,
+        UnknownName,
+    )
+    from gough.robot import Home, Robot, load
+
+__version__ = "0.1.0"
+
+_ROOMS = {
+    "gough.analysis.analysis": ("Analysis",),
+    "gough.description": (
+        "Body",
+        "Constraint",
+        "Coupling",
+        "Frame",
+        "Joint",
+        "Leg",
+        "Mechanism",
+        "Parameter",
+    ),
+    "gough.errors": (
+        "ClosureError",
+        "ConfigurationError",
+        "DescriptionError",
+        "GoughError",
+        "UnknownName",
+    ),
+    "gough.robot": ("Home", "Robot", "load"),
+}
+_HOME = {name: room for room, names in _ROOMS.items() for name in names}
+
+__all__ = [
+    "Analysis",
+    "Body",
+    "ClosureError",
+    "ConfigurationError",
+    "Constraint",
+    "Coupling",
+    "DescriptionError",
+    "Frame",
+    "GoughError",
+    "Home",
+    "Joint",
+    "Leg",
+    "Mechanism",
+    "Parameter",
+    "Robot",
+    "UnknownName",
+    "load",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'gough' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

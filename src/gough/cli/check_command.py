@@ -1,0 +1,58 @@
+"""``gough check``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from gough.cli.common import json_option, parsed, print_json, reporting_errors, robot_argument
+
+
+def _print_schema(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """Print the JSON schema of descriptions and leave, before ROBOT is asked for."""
+    if not wanted or ctx.resilient_parsing:
+        return
+    from gough.description import Mechanism
+
+    schema = Mechanism.model_json_schema()
+    print_json({"$schema": "https://json-schema.org/draft/2020-12/schema", **schema})
+    ctx.exit()
+
+
+@click.command("check")
+@robot_argument
+@json_option
+@click.option(
+    "--schema",
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_print_schema,
+    help="Print the JSON schema of descriptions, for editors.",
+)
+@reporting_errors
+def command(robot: str, settings: tuple[str, ...], modelling: Any, as_json: bool) -> None:
+    """Check the description ROBOT and whether its loops close.
+
+    All errors of the file are printed at once, each with file:line:column.
+    """
+    from gough.robot import load
+
+    loaded = load(robot, modelling, **parsed(settings))
+    structure, assembly = loaded.structure, loaded.home.assembly
+    if as_json:
+        facts = {
+            "name": loaded.name,
+            "architecture": structure.architecture,
+            "loops": structure.loops,
+            "cut": [closing.name for closing in structure.closings],
+            "assembly": {"residual": assembly.residual, "steps": assembly.steps},
+        }
+        print_json({"ok": True, **facts})
+        return
+    cut = ", ".join(closing.name for closing in structure.closings) or "nothing"
+    click.echo(
+        f"{loaded.name} ({structure.architecture}) is right: {structure.loops} independent loops, "
+        f"closed to {assembly.residual:.1e}; equations come from {cut}."
+    )

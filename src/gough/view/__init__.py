@@ -1,0 +1,27 @@
+"""Pictures of robots and of numbers about them, made with matplotlib without a window.
+
+matplotlib is loaded at the first picture, not on import.
+"""
+
+from gough.view.curves import draw_curves
+from gough.view.maps import Layer, draw_maps
+from gough.view.mechanism import draw_mechanism
+from gough.view.paper import ViewError, png, svg
+from gough.view.skeleton import Mark, Shape, Skeleton, skeleton
+from gough.view.spectra import Spectrum, draw_spectra
+
+__all__ = [
+    "Layer",
+    "Mark",
+    "Shape",
+    "Skeleton",
+    "Spectrum",
+    "ViewError",
+    "draw_curves",
+    "draw_maps",
+    "draw_mechanism",
+    "draw_spectra",
+    "png",
+    "skeleton",
+    "svg",
+]

@@ -1,0 +1,213 @@
+"""Laws of the analysis over random mechanisms of all joint types."""
+
+import numpy as np
+import pytest
+
+from gough import Robot
+from gough import algebra as al
+from gough.analysis import elimination, ranks
+from gough.description import Frame, Mechanism
+from gough.description.frames import transform
+from gough.errors import DescriptionError
+from tests.mechanisms import frame_of, numbers, random_frame, random_mechanism
+
+SEEDS = range(30)
+
+
+def rates_of(robot):
+    return ranks.linearise(robot.assembler, robot.home.q)
+
+
+def facts(robot):
+    """Everything of the analysis that does not depend on names or on a frame of reference."""
+    rates = rates_of(robot)
+    return {
+        "counts": (rates.counts.actuated, rates.counts.operational),
+        "mobility": ranks.mobility(rates.ranks, rates.counts),
+        "defects": ranks.defects(rates.ranks, rates.counts, rates.ranks),
+        "redundant": rates.E.shape[0] - rates.ranks.E,
+    }
+
+
+def unscaled_map(robot, build):
+    """A velocity map in SI units."""
+    rates, structure = rates_of(robot), robot.structure
+    scale = robot.assembler.rate_scale
+    out, into = structure.columns("actuated"), structure.columns("operational")
+    found = build(rates)
+    matrix = scale[out][:, None] * found.matrix / scale[into]
+    return matrix, found.valid, found.unique
+
+
+def buildable(seed, modelling=None, **options):
+    """A robot of a random mechanism, or None if every joint of one of its loops has a motor."""
+    try:
+        return Robot(random_mechanism(seed, **options), modelling)
+    except DescriptionError as error:
+        assert "needs a passive joint to cut" in str(error)
+        return None
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("planar", [False, True])
+def test_identities_of_the_defects(seed, planar):
+    robot = buildable(seed, planar=planar)
+    if robot is None:
+        return
+    analysis = robot.analyse()
+    for d, m in (
+        (analysis.defects, analysis.mobility),
+        (analysis.defects_generic, analysis.mobility_generic),
+    ):
+        a, o = analysis.counts.actuated, analysis.counts.operational
+        assert m == d.RPM + d.RO + (a - d.II)
+        assert m == d.RPM + d.RI + (o - d.IO)
+        assert min(d.RPM, d.RI, d.RO, d.II, d.IO) >= 0
+    assert analysis.redundant_equations == sum(item.equations for item in analysis.redundant)
+    assert len(analysis.free_motions) == analysis.defects.RPM
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("planar", [False, True])
+def test_both_ways_of_modelling_agree(seed, planar):
+    first = buildable(seed, "cut-joints", planar=planar)
+    second = buildable(seed, "cut-platform", planar=planar)
+    if first is None or second is None:
+        return
+    one, two = facts(first), facts(second)
+    del one["redundant"], two["redundant"]  # what is written twice depends on what is cut
+    assert one == two
+    (J, valid, unique), (K, also_valid, also_unique) = (
+        unscaled_map(robot, elimination.inverse_map) for robot in (first, second)
+    )
+    assert (valid, unique) == (also_valid, also_unique)
+    if valid and unique:
+        np.testing.assert_allclose(J, K, atol=1e-9 * max(1, np.abs(J).max(initial=0)))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_three_constructions_of_the_complement_agree(seed):
+    robot = buildable(seed)
+    if robot is None:
+        return
+    rates = rates_of(robot)
+    blocks = elimination.by_gram_schmidt(rates)
+    complements = [elimination.by_svd(rates), elimination.by_qr(rates), blocks.complement]
+    projectors = [O @ O.T for O in complements]
+    for O, P in zip(complements, projectors, strict=True):
+        np.testing.assert_allclose(O.T @ O, np.eye(O.shape[1]), atol=1e-12)
+        np.testing.assert_allclose(O.T @ rates.N, 0, atol=10 * rates.threshold)
+        np.testing.assert_allclose(P, projectors[0], atol=1e-6)
+    r, n = rates.ranks, rates.E.shape[0]
+    sizes = [part.shape[1] for part in (blocks.Q_N, blocks.Q_M, blocks.Q_K, blocks.Q_0)]
+    assert sizes == [r.N, r.MN - r.N, r.E - r.MN, n - r.E]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_maps_agree_with_the_tangent_space(seed):
+    """The one-shot construction from ker E, which uses no elimination."""
+    robot = buildable(seed)
+    if robot is None:
+        return
+    rates = rates_of(robot)
+    a, o = rates.counts.actuated, rates.counts.operational
+    V_a, V_x = rates.kernel[:a], rates.kernel[rates.kernel.shape[0] - o :]
+    inverse, direct = elimination.inverse_map(rates), elimination.direct_map(rates)
+    assert inverse.refused.shape[1] == o - np.linalg.matrix_rank(V_x, tol=1e-7)
+    assert direct.refused.shape[1] == a - np.linalg.matrix_rank(V_a, tol=1e-7)
+    if inverse.unique:
+        np.testing.assert_allclose(inverse.matrix @ V_x, V_a, atol=1e-6)
+    if direct.unique:
+        np.testing.assert_allclose(direct.matrix @ V_a, V_x, atol=1e-6)
+
+
+def moved_base(mechanism, T):
+    """The mechanism with its base moved as a rigid whole."""
+    joints = {}
+    for name, joint in mechanism.joints.items():
+        frames = tuple(
+            frame_of(numbers(al.compose(T, numbers(transform(frame, {})))))
+            if body == "base"
+            else frame
+            for frame, body in zip(joint.frames, joint.bodies, strict=True)
+        )
+        joints[name] = joint.model_copy(update={"frames": frames})
+    bodies = {
+        name: body.model_copy(
+            update={"home": frame_of(numbers(al.compose(T, numbers(transform(body.home, {})))))}
+        )
+        if body.home
+        else body
+        for name, body in mechanism.bodies.items()
+    }
+    return Mechanism(**{**dict(mechanism), "joints": joints, "bodies": bodies})
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_motion_of_the_base_changes_nothing(seed):
+    robot = buildable(seed)
+    if robot is None:
+        return
+    T = numbers(transform(random_frame(np.random.default_rng(seed + 1)), {}))
+    other = Robot(moved_base(robot.mechanism, T))
+    assert facts(robot) == facts(other)
+
+
+def shuffled(mechanism, rng):
+    """The mechanism with its parts renamed and in another order."""
+    names = {"base": "base", **{b: f"part-{k}" for k, b in enumerate(mechanism.bodies)}}
+    joints = [
+        (f"j{k}", joint.model_copy(update={"bodies": tuple(names[b] for b in joint.bodies)}))
+        for k, joint in enumerate(mechanism.joints.values())
+    ]
+    bodies = [(names[name], body) for name, body in mechanism.bodies.items()]
+    rng.shuffle(joints)
+    rng.shuffle(bodies)
+    platform = names[mechanism.platform]
+    fields = {"joints": dict(joints), "bodies": dict(bodies), "platform": platform}
+    return Mechanism(**{**dict(mechanism), **fields})
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_names_and_order_change_nothing_but_where_loops_are_cut(seed):
+    robot = buildable(seed)
+    if robot is None:
+        return
+    other = Robot(shuffled(robot.mechanism, np.random.default_rng(seed)))
+    one, two = facts(robot), facts(other)
+    assert {k: one[k] for k in ("counts", "mobility", "defects")} == {
+        k: two[k] for k in ("counts", "mobility", "defects")
+    }
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_unit_of_length_changes_no_rank(seed):
+    """The same mechanism in millimetres instead of metres."""
+    robot = buildable(seed, types=["revolute", "prismatic", "universal", "spherical"])
+    if robot is None:
+        return
+    m = robot.mechanism
+
+    def enlarged(frame):
+        return frame.model_copy(update={"point": tuple(1000 * x for x in frame.point)})
+
+    joints = {
+        name: j.model_copy(
+            update={
+                "frames": tuple(enlarged(f) for f in j.frames),
+                "home": tuple(1000 * x for x in j.home) if j.type == "prismatic" else j.home,
+            }
+        )
+        for name, j in m.joints.items()
+    }
+    bodies = {
+        name: b.model_copy(update={"home": enlarged(b.home)}) if b.home else b
+        for name, b in m.bodies.items()
+    }
+    assert facts(robot) == facts(
+        Robot(Mechanism(**{**dict(m), "joints": joints, "bodies": bodies}))
+    )
+
+
+def test_a_point_of_a_frame_may_be_left_out():
+    assert numbers(transform(Frame(), {})) == al.HERE
