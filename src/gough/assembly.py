@@ -41,6 +41,8 @@ class Assembly:
     ending: Ending
     worst: str
     """Where the largest residual is: the joint and its loop."""
+    moved: tuple[str, ...]
+    """Motors and outputs whose described values had to give way."""
 
     def require(self) -> Assembly:
         """Self if every loop is closed.
@@ -120,8 +122,8 @@ class Assembler:
         """The closed configuration that the described start leads to.
 
         Given values of outputs and motors are kept where the loops close with them, else those of
-        the platform alone, else those of the motors alone; all others only start from theirs. If the described start does not
-        close, passive joints without a given value are perturbed (seeded).
+        the platform alone, else those of the motors alone; all others only start from theirs. If the described
+        start does not close, passive joints without a given value are perturbed (seeded).
         """
         rng = np.random.default_rng(seed)
         best: newton.Solution | None = None
@@ -132,11 +134,11 @@ class Assembler:
                 solution = self.close(q, held)
                 steps += solution.steps
                 if solution.ending is Ending.closed:
-                    return self._assembly(solution, steps, restart)
+                    return self._assembly(solution, steps, restart, held)
                 if best is None or solution.gap < best.gap:
                     best = solution
         assert best is not None
-        return self._assembly(best, steps, RESTARTS)
+        return self._assembly(best, steps, RESTARTS, self.given)
 
     def _holds(self) -> Iterator[Mask]:
         """Which variables to keep, from the most to none."""
@@ -157,14 +159,26 @@ class Assembler:
         step = rng.uniform(-1.0, 1.0, size=len(self.given)) * self.rate_scale
         return self.models.retract(self.start, np.where(self.given, 0.05, 1.0) * step)
 
-    def _assembly(self, solution: newton.Solution, steps: int, restarts: int) -> Assembly:
+    def _assembly(
+        self, solution: newton.Solution, steps: int, restarts: int, held: Mask
+    ) -> Assembly:
         F = np.abs(self.models.residual(solution.q, self.p))
         worst = ""
         if F.size:
             row = int(np.argmax(self.row_scale * F))
             worst = self._place_of(row)
         largest = float(F.max(initial=0.0))
-        return Assembly(solution.q, largest, steps, restarts, solution.ending, worst)
+        moved = () if steps == 0 else self._given_way(held)
+        return Assembly(solution.q, largest, steps, restarts, solution.ending, worst, moved)
+
+    def _given_way(self, held: Mask) -> tuple[str, ...]:
+        """Names of the motors and outputs that were described and not kept."""
+        variables = self.models.structure.variables
+        return tuple(
+            variable.name
+            for variable, given, kept in zip(variables, self.given, held, strict=True)
+            if given and not kept and variable.role != "passive"
+        )
 
     def _place_of(self, row: int) -> str:
         """The closing that a row belongs to, and the joints of its loop."""

@@ -196,7 +196,7 @@ class _Builder:
     """Chooses the spanning tree."""
 
     def __init__(self, mechanism: Mechanism, flat: Flat, modelling: Modelling) -> None:
-        self.mechanism, self.flat = mechanism, flat
+        self.mechanism, self.flat, self.modelling = mechanism, flat, modelling
         self.free = {
             name: self._free_type(name, body)
             for name, body in flat.bodies.items()
@@ -218,6 +218,9 @@ class _Builder:
         self.pieces = set(self._holding()) if modelling == "cut-platform" else set()
 
     def build(self) -> tuple[tuple[Edge, ...], tuple[Closing, ...]]:
+        if self.modelling == "cut-platform" and self.mechanism.platform is None:
+            problem = Problem("cut-platform needs a platform, and none is named", ("modelling",))
+            raise DescriptionError([problem], source=self.mechanism.name)
         tree, cut = self._span()
         if not self.pieces and any(not self._cuttable(edge) for edge in cut):
             self.pieces = {name for name in self._holding() if self._must_stay(name)}

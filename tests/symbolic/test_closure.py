@@ -58,7 +58,7 @@ def test_body_jacobians_are_the_slopes_of_the_poses(seed):
 def test_a_disturbed_home_closes_again(seed):
     models, assembler = closed(seed)
     rng = np.random.default_rng(seed + 100)
-    step = 0.05 * rng.normal(size=len(models.structure.variables))
+    step = 0.02 * rng.normal(size=len(models.structure.variables))
     solution = assembler.close(models.retract(assembler.start, step))
     assert solution.ending.name == "closed", solution
     assert np.abs(models.residual(solution.q, assembler.p)).max(initial=0.0) < 1e-11

@@ -162,6 +162,11 @@ class Analysis:
                 "no other closed configuration was found near this one: it may be isolated, and "
                 "generic values are those of this configuration"
             )
+        if self.assembly.moved:
+            found.append(
+                "the loops do not close at the described values; these gave way: "
+                + ", ".join(self.assembly.moved)
+            )
         if self.assembly.restarts:
             found.append(
                 f"the described start did not close; restart {self.assembly.restarts} from "

@@ -261,8 +261,6 @@ class _Checker:
             self.report(("platform",), f"there is no body {platform!r}.{closest(platform, known)}")
         elif platform == self.mechanism.base:
             self.report(("platform",), "the platform can not be the base")
-        if platform is None and self.mechanism.modelling == "cut-platform":
-            self.report(("modelling",), "cut-platform needs a platform, and none is named")
         for k, name in enumerate(operational):
             if operational.index(name) != k:
                 self.report(("operational", k), f"{name!r} is listed twice")

@@ -30,14 +30,13 @@ def evaluate_parameters(
     """
     done: dict[str, Any] = dict(given or {})
     open_: list[str] = []
-    failed: set[str] = set()
+    reported: set[str] = set()
 
     def value_of(name: str) -> Any:
         if name in done:
             return done[name]
         if name in open_:
-            ring = " → ".join([*open_[open_.index(name) :], name])
-            raise ExpressionError(f"the parameters refer to each other in a circle: {ring}")
+            raise _Circle([*open_[open_.index(name) :], name])
         open_.append(name)
         try:
             done[name] = _evaluate(parameters[name].value, _Lazy(parameters, value_of))
@@ -51,9 +50,19 @@ def evaluate_parameters(
         except ExpressionError as error:
             if report is None:
                 raise ExpressionError(f"parameter {name}: {error}") from None
-            failed.add(name)
-            report(name, str(error))
-    return {name: value for name, value in done.items() if name not in failed}
+            members = set(error.names) if isinstance(error, _Circle) else {name}
+            if not members & reported:
+                report(name, str(error))
+            reported |= members
+    return done
+
+
+class _Circle(ExpressionError):
+    """Parameters refer to each other in a circle."""
+
+    def __init__(self, names: list[str]) -> None:
+        self.names = names
+        super().__init__(f"the parameters refer to each other in a circle: {' → '.join(names)}")
 
 
 class _Lazy(Mapping[str, Any]):

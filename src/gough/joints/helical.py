@@ -26,25 +26,23 @@ class Helical(JointType):
         return [((0.0, 0.0, _advance(dimensions)), al.Z)]
 
     def rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
-        sine, _ = self._lag(a, b, dimensions)
-        return [*base.across_axis(a, b), *base.axes_parallel(a, b), Row(sine, "rad")]
+        lag = al.mul(_advance(dimensions), self._lag(a, b, dimensions))
+        return [*base.across_axis(a, b), *base.axes_parallel(a, b), Row(lag, "m")]
 
     def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
-        _, cosine = self._lag(a, b, dimensions)
-        return [base.axes_agree(a, b), cosine]
+        return [base.axes_agree(a, b)]
 
     @staticmethod
-    def _lag(a: Transform, b: Transform, dimensions: Dimensions) -> tuple[Scalar, Scalar]:
-        """Sine and cosine of the angle of b about z beyond what its advance asks for.
+    def _lag(a: Transform, b: Transform, dimensions: Dimensions) -> Scalar:
+        """Angle of b about z beyond what its advance asks for, rad, in a half turn either way.
 
-        The angle is read from the advance and not by an arctangent, so any number of turns is
-        told apart.
+        Turns are counted by the advance, so any number of them is told apart.
         """
         turned = al.rotation_about("z", base.along_axis(a, b) / _advance(dimensions))
-        x = al.column(al.matmul(a[0], turned), 0)
-        y = al.column(al.matmul(a[0], turned), 1)
+        expected = al.matmul(a[0], turned)
         x_b = al.column(b[0], 0)
-        return al.dot(y, x_b), al.dot(x, x_b)
+        x, y = (al.dot(al.column(expected, k), x_b) for k in (0, 1))
+        return al.atan2(y, x)
 
 
 def _advance(dimensions: Dimensions) -> Scalar:

@@ -120,7 +120,7 @@ def _legend_entries() -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    small = f"a tenth of the largest value"
+    small = "a tenth of the largest value"
     return [
         Line2D([], [], label="home", **home_style()),
         Line2D([], [], color=paper.ACCENT, linewidth=1.4, label=small),

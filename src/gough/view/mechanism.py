@@ -75,7 +75,7 @@ def draw_mechanism(bones: Skeleton) -> Figure:
 def _one_view(bones: Skeleton) -> Figure:
     low, size = _box(bones)
     entries = _legend_entries(bones)
-    rows = -(-len(entries) // 3)
+    rows = -(-len(entries) // 4)
     under = BOTTOM + 0.1 + 0.2 * rows
     scale = min((paper.WIDTH - LEFT - RIGHT) / size[0], TALLEST_PLANAR / size[1])
     width, height = scale * size[0], scale * size[1]
@@ -84,9 +84,8 @@ def _one_view(bones: Skeleton) -> Figure:
     axes = paper.place(picture, left, under, width, height)
     _draw(axes, bones, ABOVE, low, size)
     _names(axes, bones)
-    picture.legend(
-        handles=entries, loc="lower center", ncols=3, borderaxespad=0.3, bbox_to_anchor=(0.5, 0)
-    )
+    columns = -(-len(entries) // rows)
+    picture.legend(handles=entries, loc="lower center", ncols=columns, borderaxespad=0.3)
     return picture
 
 
@@ -144,9 +143,10 @@ def _draw(axes: Axes, bones: Skeleton, view: View, low: Array, size: Array) -> N
 
 
 def _draw_shape(axes: Axes, shape: Shape, view: View, tolerance: float) -> None:
-    corners = outline(shape.points[:, [view.across, view.up]], tolerance)
+    points = shape.points[:, [view.across, view.up]]
+    corners = outline(points, tolerance)
     if shape.kind == "base":
-        axes.plot(*corners.T, "s", ms=13, zorder=1, **_pad())
+        axes.plot(*points.T, "s", ms=13, zorder=1, **_pad())
     if len(corners) < 2:
         return
     style: dict[str, Any]
@@ -211,28 +211,40 @@ def _legend_entries(bones: Skeleton) -> list[Any]:
 
 
 def _names(axes: Axes, bones: Skeleton) -> None:
-    """Names of the joints of a small planar mechanism, away from its middle."""
-    places: list[tuple[Array, list[str]]] = []
-    for mark in bones.marks:
-        near = [p for p in places if np.linalg.norm(p[0] - mark.at) < 0.02 * bones.length]
-        if near:
-            near[0][1].append(mark.name)
-        else:
-            places.append((mark.at, [mark.name]))
+    """Names of the joints of a small planar mechanism, away from its middle.
+
+    Those of joints on the base stand above or below, so that they stay inside the picture.
+    """
     if len(bones.marks) > MOST_NAMES:
         return
-    middle = np.mean([at for at, _ in places], axis=0)
-    for at, names in places:
+    places = _places(bones)
+    middle = np.mean([mark.at for marks in places for mark in marks], axis=0)
+    for marks in places:
+        on_base = any(mark.on_base for mark in marks)
+        at = np.mean([mark.at for mark in marks], axis=0)
         away = (at - middle)[:2]
-        away = away / (float(np.linalg.norm(away)) or 1.0)
-        side = "left" if away[0] >= 0 else "right"
+        up = 1.0 if away[1] > 0 else -1.0
+        right = 1.0 if away[0] >= 0 else -1.0
         axes.annotate(
-            ", ".join(names),
+            ", ".join(mark.name for mark in marks),
             at[:2],
-            xytext=(9 * np.sign(away[0] or 1), 9 * away[1]),
+            xytext=(0, 10 * up) if on_base else (9 * right, 3 * up),
             textcoords="offset points",
-            ha=side,
-            va="center",
+            ha="center" if on_base else ("left" if right > 0 else "right"),
+            va="center" if not on_base else ("bottom" if up > 0 else "top"),
             color=paper.SOFT,
             zorder=6,
         )
+
+
+def _places(bones: Skeleton) -> list[list[Mark]]:
+    """Joints that are too near to each other for a name each, together."""
+    places: list[list[Mark]] = []
+    for mark in bones.marks:
+        near = (p for p in places if np.linalg.norm(p[0].at - mark.at) < 0.15 * bones.length)
+        place = next(near, None)
+        if place is None:
+            places.append([mark])
+        else:
+            place.append(mark)
+    return places

@@ -62,9 +62,7 @@ def figure(width: float, height: float) -> Figure:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ViewError(
-            f"pictures need matplotlib ({error}): pip install 'gough[view]'"
-        ) from None
+        raise ViewError(f"pictures need matplotlib ({error}): pip install 'gough[view]'") from None
     return Figure(figsize=(width, height), facecolor="white")
 
 
@@ -77,9 +75,7 @@ def lettering() -> Any:
     try:
         import matplotlib
     except ImportError as error:
-        raise ViewError(
-            f"pictures need matplotlib ({error}): pip install 'gough[view]'"
-        ) from None
+        raise ViewError(f"pictures need matplotlib ({error}): pip install 'gough[view]'") from None
     return matplotlib.rc_context(LETTERING)
 
 

@@ -54,9 +54,22 @@ def draw_spectra(spectra: Sequence[Spectrum], threshold: float) -> Figure:
             _draw(axes, spectrum, threshold)
             if k == 0:
                 axes.set_ylabel("singular value")
+                _name_threshold(axes, threshold)
             else:
                 axes.tick_params(labelleft=False)
         return picture
+
+
+def _name_threshold(axes: Axes, threshold: float) -> None:
+    axes.annotate(
+        "threshold",
+        (0.02, threshold or FLOOR),
+        xycoords=axes.get_yaxis_transform(),
+        xytext=(2, 3),
+        textcoords="offset points",
+        color=paper.ACCENT,
+        fontsize=7.5,
+    )
 
 
 def _lowest(values: Array) -> float:
