@@ -404,16 +404,20 @@ def _legs(flat: Flat, mechanism: Mechanism) -> Iterator[Chain]:
             continue
         inner = _grown(set(bodies) - ends, left, ends)
         group = [other for other, pair in left.items() if other == name or inner & set(pair)]
-        touched = {body for other in group for body in left[other]}
-        joints = tuple(other for other in group if other in flat.joints)
         for other in group:
             del left[other]
-        if ends <= touched:
+        joints = tuple(other for other in group if other in flat.joints)
+        feet = [joint for joint in joints if mechanism.base in flat.joints[joint].bodies]
+        for foot in feet:
+            route = _route(flat, foot, joints, mechanism)
+            if not route:
+                continue
             number += 1
-            route = _route(flat, joints, mechanism)
+            kept = joints if len(feet) == 1 else tuple(route)
+            held = inner & {body for joint in kept for body in flat.joints[joint].bodies}
             letters = "".join(_letter(flat, joint) for joint in route)
-            bodies_of = tuple(body for body in flat.bodies if body in inner)
-            yield Chain(_leg_name(joints, number), bodies_of, joints, letters)
+            bodies_of = tuple(body for body in flat.bodies if body in held)
+            yield Chain(_leg_name(kept, number), bodies_of, kept, letters)
 
 
 def _grown(seed: set[str], links: Mapping[str, tuple[str, str]], ends: set[Any]) -> set[str]:
@@ -426,19 +430,22 @@ def _grown(seed: set[str], links: Mapping[str, tuple[str, str]], ends: set[Any])
         grown |= more
 
 
-def _route(flat: Flat, joints: tuple[str, ...], mechanism: Mechanism) -> list[str]:
-    """Joints on the shortest way from base to platform through a leg."""
-    before: dict[str, str | None] = {mechanism.base: None}
-    todo = deque([mechanism.base])
+def _route(
+    flat: Flat, foot: str, joints: tuple[str, ...], mechanism: Mechanism
+) -> list[str]:
+    """Joints on the shortest way from base to platform that begins with a joint of the base."""
+    a, b = flat.joints[foot].bodies
+    start = b if a == mechanism.base else a
+    before: dict[str, str | None] = {mechanism.base: None, start: foot}
+    todo = deque([start])
     while todo and mechanism.platform not in before:
         body = todo.popleft()
         for name in joints:
             pair = flat.joints[name].bodies
-            if body in pair:
-                other = pair[1] if pair[0] == body else pair[0]
-                if other not in before:
-                    before[other] = name
-                    todo.append(other)
+            other = pair[1] if pair[0] == body else pair[0]
+            if body in pair and other not in before:
+                before[other] = name
+                todo.append(other)
     route: list[str] = []
     at = mechanism.platform
     while at is not None and (step := before.get(at)) is not None:

@@ -36,7 +36,10 @@ WRONG = {
         ("  rocker: {mass: 0.4}", "  rocker: {mass: 0.4}\n  spare: {mass: 1}"),
         ":8:3: bodies.spare: nothing holds body 'spare': no joint names it",
     ),
-    "two bases": (("name: crank", "name: crank\nbase: [base, ground]"), ":2:7: base: expected text"),
+    "two bases": (
+        ("name: crank", "name: crank\nbase: [base, ground]"),
+        ":2:7: base: expected text",
+    ),
     "base written twice": (("name: crank", "name: crank\nbase: a\nbase: b"), ":3:1: base:"),
     "disconnected graph": (
         (

@@ -17,6 +17,8 @@ from gough.errors import Path, Problem, closest
 from gough.joints import TYPES
 from gough.joints.free import POSE
 
+MAX_LINKS = 1000
+"""Most joints and constraints together; more would keep dense linear algebra busy for minutes."""
 PLANAR_MOVES = ("x", "y", "rz")
 PLANAR_TOLERANCE = 1e-9
 INERTIA_TOLERANCE = 1e-9
@@ -47,11 +49,16 @@ class _Checker:
         self.values: dict[str, Any] = {}
 
     def run(self) -> None:
+        """Collect everything that is wrong."""
+        if len(self.flat.links) > MAX_LINKS:
+            count = len(self.flat.links)
+            self.report((), f"{count} joints and constraints; at most {MAX_LINKS} can be handled")
+            return
         self._check_parameters()
         self._check_names()
         for name, body in self.flat.bodies.items():
             self._check_body(name, body)
-        for name, joint in self.flat.joints.items():
+        for name, joint in (self.flat.joints | self.flat.expanded).items():
             self._check_joint(name, joint)
         for name, constraint in self.flat.constraints.items():
             self._check_ends("constraints", name, constraint)
@@ -63,6 +70,7 @@ class _Checker:
             self._check_graph()
 
     def report(self, path: Path, message: str, on_key: bool = False) -> None:
+        """Note a problem."""
         self.problems.append(Problem(message, path, on_key))
 
     # names and numbers

@@ -17,7 +17,8 @@ class Flat:
     """Every body, joint, constraint and coupling by its full name.
 
     ``paths`` says where a part was written: one place in a leg serves all its repetitions.
-    ``clashes`` lists names that came up twice.
+    ``clashes`` lists names that came up twice; ``expanded`` keeps the joints that were replaced by
+    bodies, joints and couplings.
     """
 
     bodies: dict[str, Body] = field(default_factory=dict)
@@ -26,6 +27,7 @@ class Flat:
     couplings: dict[str, Coupling] = field(default_factory=dict)
     paths: dict[tuple[str, str], Path] = field(default_factory=dict)
     clashes: list[tuple[Path, str]] = field(default_factory=list)
+    expanded: dict[str, Joint] = field(default_factory=dict)
 
     def add(self, kind: str, name: str, part: Part, path: Path) -> None:
         """Keep a part; a name that is taken by another of its kind is a clash."""
@@ -41,6 +43,8 @@ class Flat:
         return [*self.joints.values(), *self.constraints.values()]
 
 
+BARS = {"length", "width", "bar_mass"}
+"""Dimensions of a parallelogram whose bars are bodies."""
 KINDS = ("bodies", "joints", "constraints", "couplings")
 
 
@@ -65,7 +69,9 @@ def _add_leg(flat: Flat, name: str, leg: Leg, i: int) -> None:
 
 
 def _add(flat: Flat, kind: str, name: str, part: Part, path: Path) -> None:
-    if isinstance(part, Joint) and part.type == "parallelogram" and "bar_mass" in part.dimensions:
+    if isinstance(part, Joint) and part.type == "parallelogram" and BARS <= part.dimensions.keys():
+        flat.expanded[name] = part
+        flat.paths["joints", name] = path
         _add_parallelogram(flat, name, part, path)
     else:
         flat.add(kind, name, part, path)

@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 LARGEST_STEP = 0.5
 """Longest step of one iteration in scaled units: half a radian, half a characteristic length."""
 ROUNDING = 1e-15
+NOISE = 1e-13
+"""Singular values below this times the largest are rounding."""
+TINY = 1e-300
 CLOSED_AT_START = 1e-13
 """A start this close to a root is kept as it is: at a singular root a step would only lead away."""
 STALL = 1e-9
@@ -73,11 +76,10 @@ def solve(
     for steps in range(max_steps):
         if gap <= ROUNDING:
             return Solution(q, gap, last_step, Ending.closed, steps)
-        U, s, Vt = np.linalg.svd(jacobian(q), full_matrices=False)
-        along = U.T @ F
-        if _is_minimum(along, s, F, gap, tolerance):
+        slope = _Slope(jacobian(q), F)
+        if gap > tolerance and slope.is_minimum():
             return Solution(q, gap, last_step, Ending.open, steps)
-        new = _improved(residual, retract, q, F, along, s, Vt, trust)
+        new = _improved(residual, retract, q, F, slope, trust)
         if new is None:
             ending = Ending.closed if gap <= tolerance else Ending.open
             return Solution(q, gap, last_step, ending, steps)
@@ -89,13 +91,30 @@ def solve(
     return Solution(q, gap, last_step, ending, max_steps)
 
 
-def _is_minimum(along: Array, s: Array, F: Array, gap: float, tolerance: float) -> bool:
-    """Whether the squared residual has no slope left although the equations do not hold."""
-    if gap <= tolerance:
-        return False
-    slope = float(np.linalg.norm(s * along)) if s.size else 0.0
-    largest = float(s[0]) if s.size else 0.0
-    return slope <= STALL * largest * float(np.linalg.norm(F))
+class _Slope:
+    """The linear model of F at one point, in its singular directions."""
+
+    def __init__(self, J: Array, F: Array) -> None:
+        U, s, self.Vt = np.linalg.svd(J, full_matrices=False)
+        # singular values of rounding size would only drive what is held
+        self.s = np.where(s > NOISE * s.max(initial=0.0), s, 0.0)
+        self.along = U.T @ F
+        self.size = float(np.linalg.norm(F))
+
+    def is_minimum(self) -> bool:
+        """Whether the squared residual has no slope left although the equations do not hold."""
+        slope = float(np.linalg.norm(self.s * self.along))
+        return slope <= STALL * float(self.s.max(initial=0.0)) * self.size
+
+    def step(self, trust: float) -> tuple[Array, float]:
+        """The damped step, not longer than allowed, and how much it lowers |F|² if F is linear."""
+        damping = trust * min(self.size, 1.0) ** 2
+        along = self.s * self.along / (self.s * self.s + damping + TINY)
+        length = float(np.linalg.norm(along))
+        if length > LARGEST_STEP:
+            along *= LARGEST_STEP / length
+        left = self.along - self.s * along
+        return -self.Vt.T @ along, float(self.along @ self.along - left @ left)
 
 
 def _improved(
@@ -103,22 +122,18 @@ def _improved(
     retract: Callable[[Array, Array], Array],
     q: Array,
     F: Array,
-    along: Array,
-    s: Array,
-    Vt: Array,
+    slope: _Slope,
     trust: float,
 ) -> tuple[Array, Array, float, float] | None:
-    """The first of ever more damped steps that lowers the residual, or None."""
-    size = float(np.linalg.norm(F))
+    """The first of ever more damped steps that lowers the residual about as promised, or None."""
     for _ in range(30):
-        step = -Vt.T @ (s * along / (s * s + trust * min(size, 1.0) ** 2 + 1e-300))
-        length = float(np.linalg.norm(step))
-        if length > LARGEST_STEP:
-            step *= LARGEST_STEP / length
+        step, promised = slope.step(trust)
         new_q = retract(q, step)
         new_F = residual(new_q)
-        if np.all(np.isfinite(new_F)) and float(np.linalg.norm(new_F)) < size:
-            return new_q, new_F, float(np.linalg.norm(step)), max(trust / 10, 1e-3)
+        gained = slope.size**2 - float(new_F @ new_F)
+        if np.isfinite(gained) and gained > 0.01 * promised and gained > 0:
+            easier = 0.1 if gained > 0.5 * promised else 1.0
+            return new_q, new_F, float(np.linalg.norm(step)), max(trust * easier, 1e-3)
         trust = max(trust, 1e-6) * 10
     return None
 

@@ -100,7 +100,9 @@ class Follower:
         return q
 
     def _is_held(self, edge: int) -> bool:
-        own = [self.held[k] for k, v in enumerate(self.models.structure.variables) if v.edge == edge]
+        own = [
+            self.held[k] for k, v in enumerate(self.models.structure.variables) if v.edge == edge
+        ]
         return bool(own) and all(own)
 
 

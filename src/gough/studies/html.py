@@ -7,6 +7,7 @@ import html
 from collections.abc import Iterable, Sequence
 from importlib import resources
 
+from gough.studies import numbers
 from gough.studies.report import (
     Block,
     Cell,
@@ -20,6 +21,8 @@ from gough.studies.report import (
 
 EMPTY = ("meta", "img", "br")
 """Elements that have no end."""
+LONG = 12
+"""Rows beyond which a table may be split between printed pages."""
 
 
 def page(title: str, about: str, sections: Sequence[Section]) -> str:
@@ -31,12 +34,16 @@ def page(title: str, about: str, sections: Sequence[Section]) -> str:
         + element("title", text(title))
         + element("style", style)
     )
-    opening = element("h1", text(title)) + (element("p", text(about), class_="about") if about else "")
+    opening = element("h1", text(title)) + (
+        element("p", text(about), class_="about") if about else ""
+    )
     counts = {"Figure": 0, "Table": 0}
     body = [element("header", opening), _contents(sections)]
     body += [_section(section, counts) for section in sections]
     main = element("main", "".join(body))
-    return "<!DOCTYPE html>\n" + element("html", element("head", head) + element("body", main), lang="en")
+    return "<!DOCTYPE html>\n" + element(
+        "html", element("head", head) + element("body", main), lang="en"
+    )
 
 
 def element(tag: str, inner: str = "", **attributes: str) -> str:
@@ -93,9 +100,9 @@ def _picture(picture: Picture, counts: dict[str, int]) -> str:
 
 def _table(table: Table, counts: dict[str, int]) -> str:
     numeric = [_is_numeric(row[k] for row in table.rows) for k in range(len(table.columns))]
-    inner = ""
+    caption, inner = "", ""
     if table.caption:
-        inner += element("caption", _numbered("Table", table.caption, counts))
+        caption = element("figcaption", _numbered("Table", table.caption, counts))
     if any(table.columns):
         cells = (
             _cell("th", text(name), number, scope="col")
@@ -105,7 +112,8 @@ def _table(table: Table, counts: dict[str, int]) -> str:
     rows = (_row(row, numeric) for row in table.rows)
     inner += element("tbody", "".join(rows))
     kind = "listing" if any(table.columns) else "facts"
-    return element("div", element("table", inner, class_=kind), class_="table")
+    around = "table" if len(table.rows) <= LONG else "table long"
+    return element("figure", caption + element("table", inner, class_=kind), class_=around)
 
 
 def _row(row: Sequence[Cell], numeric: Sequence[bool]) -> str:
@@ -132,14 +140,14 @@ def _is_numeric(cells: Iterable[Cell]) -> bool:
 
 
 def written(cell: Cell) -> str:
-    """A cell as text: six digits, yes or no, nothing for None; a true minus sign."""
+    """A cell as text: six digits, yes or no, nothing for None."""
     match cell:
         case None:
             return ""
         case bool():
             return "yes" if cell else "no"
         case int():
-            return str(cell).replace("-", "\N{MINUS SIGN}")
+            return numbers.written(cell, 20)
         case float():
-            return f"{cell + 0.0:.6g}".replace("-", "\N{MINUS SIGN}")
+            return numbers.written(cell)
     return cell

@@ -15,6 +15,7 @@ from gough.analysis.ranks import Linearisation, linearise, null_space, singular_
 from gough.assembly import Assembler
 from gough.robot import Robot
 from gough.studies.follow import Follower
+from gough.topology import Structure
 
 Array = NDArray[np.float64]
 Cell = tuple[int, ...]
@@ -42,7 +43,12 @@ class Axis:
     offset: float
     """Its position at home, which displacements add to; 0 if they are turns from home."""
     displacements: Array
-    """From home, in equal steps with home in the middle, (n,)."""
+    """From home, in equal steps, 0 among them, (n,)."""
+
+    @property
+    def home(self) -> int:
+        """Index of the start configuration."""
+        return int(np.argmin(np.abs(self.displacements)))
 
     @property
     def values(self) -> Array:
@@ -75,7 +81,7 @@ class Sweep:
     @property
     def home(self) -> Cell:
         """Index of the start configuration."""
-        return tuple(n // 2 for n in self.reached.shape)
+        return tuple(axis.home for axis in self.axes[::-1])
 
 
 def sweep(
@@ -101,17 +107,17 @@ def sweep(
         return "There is no sweep: no operational coordinate can move."
     if not choice.rank_A and not choice.rank_B:
         return "There is no sweep: no equation relates motors and outputs."
-    spans = _spans(choice)
     progress("sweep: looking for what is in reach")
+    spans = _spans(choice)
     for _ in range(LOOKS):
-        walk = _Walk(choice, _axes(robot, choice, spans, COARSE))
+        walk = _Walk(choice, _axes(choice, spans, COARSE))
         walk.run(lambda done, total: None)
         smaller = [_smaller(span, k, walk) for k, span in enumerate(spans)]
         if smaller == spans:
             break
         spans = smaller
     count = points if len(spans) == 2 else CURVE_POINTS * points
-    walk = _Walk(choice, _axes(robot, choice, spans, count + 1 - count % 2))
+    walk = _Walk(choice, _axes(choice, spans, count))
     walk.run(lambda done, total: progress(f"sweep: {done} of {total} points"))
     return walk.result(choice.names(choice.kept), choice.names(choice.following))
 
@@ -136,7 +142,7 @@ class _Choice:
 
     def names(self, variables: list[int]) -> tuple[str, ...]:
         """Names of some variables."""
-        return tuple(self.structure.variables[k].name for k in variables)
+        return tuple(short_name(self.structure, k) for k in variables)
 
     def _elsewhere(self, seed: int) -> Array:
         """A closed configuration that is generic if there is one: ranks at home may be special."""
@@ -167,33 +173,53 @@ class _Choice:
         return int(np.sum(singular_values(A) > threshold))
 
 
-def _spans(choice: _Choice) -> list[float]:
+Span = tuple[float, float]
+"""How far an axis goes below and above home, both positive."""
+
+
+def _spans(choice: _Choice) -> list[Span]:
     units = [choice.structure.variables[k].unit for k in choice.varied]
     length = choice.assembler.length
-    return [SPAN[unit] * (length if unit == "m" else 1.0) for unit in units]
+    sides = [SPAN[unit] * (length if unit == "m" else 1.0) for unit in units]
+    return [(side, side) for side in sides]
 
 
-def _axes(robot: Robot, choice: _Choice, spans: list[float], count: int) -> tuple[Axis, ...]:
-    axes = []
-    for variable, span in zip(choice.varied, spans, strict=True):
-        about = robot.structure.variables[variable]
-        edge = robot.structure.edges[about.edge]
-        # translations stand first in a position, so only turns of a quaternion have no place
-        has_place = about.unit == "m" or edge.type.coordinates == edge.type.freedoms
-        part = choice.home[robot.models.closure.slices[about.edge]]
-        offset = float(part[about.freedom]) if has_place else 0.0
-        name = about.name if has_place else f"turn {about.name} from home"
-        axes.append(Axis(name, about.unit, variable, offset, np.linspace(-span, span, count)))
-    return tuple(axes)
-
-
-def _smaller(span: float, axis: int, walk: _Walk) -> float:
-    """The span cut down to one step beyond what was reached, if that is much less."""
+def _smaller(span: Span, axis: int, walk: _Walk) -> Span:
+    """The span cut down to one step beyond what was reached, where that is much less."""
     displacements = walk.axes[axis].displacements
     others = tuple(k for k in range(walk.reached.ndim) if k != walk.dimension(axis))
     seen = displacements[walk.reached.any(axis=others)]
-    wanted = float(np.abs(seen).max(initial=0.0)) + span / (COARSE // 2)
-    return wanted if wanted < 0.8 * span else span
+    step = float(displacements[1] - displacements[0])
+    below, above = step - float(seen.min()), step + float(seen.max())
+    return (
+        below if below < 0.8 * span[0] else span[0],
+        above if above < 0.8 * span[1] else span[1],
+    )
+
+
+def _axes(choice: _Choice, spans: list[Span], count: int) -> tuple[Axis, ...]:
+    axes = []
+    for variable, (below, above) in zip(choice.varied, spans, strict=True):
+        about = choice.structure.variables[variable]
+        edge = choice.structure.edges[about.edge]
+        # translations stand first in a position, so only turns of a quaternion have no place
+        has_place = about.unit == "m" or edge.type.coordinates == edge.type.freedoms
+        part = choice.home[choice.assembler.models.closure.slices[about.edge]]
+        offset = float(part[about.freedom]) if has_place else 0.0
+        name = short_name(choice.structure, variable)
+        name = name if has_place else f"turn {name} from home"
+        step = (below + above) / (count - 1)
+        displacements = step * (np.arange(count) - round(below / step))
+        axes.append(Axis(name, about.unit, variable, offset, displacements))
+    return tuple(axes)
+
+
+def short_name(structure: Structure, variable: int) -> str:
+    """The name of a variable; of the platform's coordinates the letter alone."""
+    about = structure.variables[variable]
+    platform = f"{structure.mechanism.platform}."
+    name = about.name
+    return name.removeprefix(platform) if about.role == "operational" else name
 
 
 class _Walk:
@@ -213,7 +239,7 @@ class _Walk:
 
     def run(self, tell: Callable[[int, int], None]) -> None:
         """Close what can be reached: nearest to home first, each from a closed neighbour."""
-        home: Cell = tuple(n // 2 for n in self.shape)
+        home: Cell = tuple(axis.home for axis in self.axes[::-1])
         closed: dict[Cell, Array] = {}
         tries: dict[Cell, int] = {}
         todo: list[tuple[int, Cell, Cell]] = [(0, home, home)]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough.view import paper
-from gough.view.maps import Layer, home_style
+from gough.view.maps import Layer, home_style, not_reached
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,7 +37,7 @@ def draw_curves(x: Array, layers: Sequence[Layer], label: str, home: int) -> Fig
             axes = paper.place(picture, 0.75, bottom, paper.WIDTH - 0.95, height)
             axes.grid(color=paper.FAINT, linewidth=0.5)
             for low, high in _gaps(x, np.isfinite(layer.values)):
-                axes.axvspan(low, high, fc="#eef0f2", ec="#c3c9ce", hatch="////", lw=0, zorder=0.5)
+                axes.axvspan(low, high, fc="#eef0f2", ec="#aab2b8", hatch="////", lw=0, zorder=0.5)
             axes.plot(x, np.ma.masked_invalid(layer.values), color=paper.PLATFORM, linewidth=1.6)
             axes.plot(x[home], layer.values[home], **home_style())
             axes.set_xlim(x[0], x[-1])
@@ -47,7 +47,7 @@ def draw_curves(x: Array, layers: Sequence[Layer], label: str, home: int) -> Fig
                 axes.tick_params(labelbottom=False)
             else:
                 axes.set_xlabel(label)
-        _legend(picture)
+        _legend(picture, layers)
         return picture
 
 
@@ -64,12 +64,9 @@ def _gaps(x: Array, reached: NDArray[np.bool_]) -> Iterator[tuple[float, float]]
         yield float(start), float(x[-1])
 
 
-def _legend(picture: Figure) -> None:
+def _legend(picture: Figure, layers: Sequence[Layer]) -> None:
     from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
 
-    entries = [
-        Line2D([], [], label="home", **home_style()),
-        Patch(facecolor="#eef0f2", edgecolor="#aab2b8", hatch="////", label="not reached"),
-    ]
+    entries = [Line2D([], [], label="home", **home_style())]
+    entries += [] if all(layer.whole for layer in layers) else [not_reached()]
     picture.legend(handles=entries, loc="lower center", ncols=2, bbox_to_anchor=(0.5, 0.0))

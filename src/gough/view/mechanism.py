@@ -37,7 +37,7 @@ SIZE = 6.5
 
 LEFT, BOTTOM, TOP, RIGHT = 0.62, 0.55, 0.32, 0.15
 """Room for labels around a view, inches."""
-TALLEST_PLANAR, TALLEST_SPATIAL = 4.2, 6.6
+TALLEST_PLANAR, TALLEST_SPATIAL = 4.0, 5.6
 FLATTEST = 0.3
 """Smallest side of a view over its longest."""
 MOST_NAMES = 8

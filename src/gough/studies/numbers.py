@@ -1,0 +1,16 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def written(value: float, digits: int = 6) -> str:
+    """A number with so many digits: true minus sign, powers of ten raised, no zeros to the right."""
+    plain = f"{value + 0.0:.{digits}g}"
+    if "e" not in plain:
+        return plain.replace("-", "\N{MINUS SIGN}")
+    front, power = plain.split("e")
+    raised = str(int(power)).translate(RAISED)
+    front = front.replace("-", "\N{MINUS SIGN}")
+    return f"10{raised}" if front == "1" else f"{front}\N{THIN SPACE}×\N{THIN SPACE}10{raised}"

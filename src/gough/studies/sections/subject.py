@@ -1,0 +1,119 @@
+"""What was studied, with all that it takes to repeat it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import shlex
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from typing import Any
+
+from gough import catalogue
+from gough.description import Mechanism
+from gough.description.parts import Parameter
+from gough.errors import GoughError
+from gough.robot import load
+from gough.studies.context import Context
+from gough.studies.numbers import written
+from gough.studies.report import Block, Command, Paragraph, Section, Table
+from gough.view.skeleton import current_values
+
+
+def section(context: Context) -> Section:
+    """Name, architecture, parameters, versions, and the command that repeats the study."""
+    mechanism, structure = context.robot.mechanism, context.robot.structure
+    command, whole = repeating(mechanism)
+    done = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    facts = {
+        "name": mechanism.name,
+        "architecture": structure.architecture,
+        "motion": mechanism.motion,
+        "modelling": structure.modelling,
+        "characteristic length": f"{written(context.robot.assembler.length)} m",
+        "date": done,
+        "gough": version(),
+        "seed": str(context.seed),
+    }
+    blocks: list[Block] = [Table(("", ""), [row for row in facts.items() if row[1]])]
+    blocks += [Paragraph("The study is repeated by"), Command(command)]
+    if not whole:
+        text = "where FILE.yaml is the description; report.json holds it under “description”."
+        blocks.append(Paragraph(text))
+    values = current_values(context.robot)
+    blocks.append(_parameters(mechanism, values))
+    data = {
+        "name": mechanism.name,
+        "about": mechanism.about,
+        "gough": version(),
+        "date": done,
+        "seed": context.seed,
+        "points": context.points,
+        "command": command,
+        "characteristic_length": {"value": context.robot.assembler.length, "unit": "m"},
+        "parameters": {
+            name: {"value": values[name], "unit": part.unit, "live": part.live, "about": part.about}
+            for name, part in mechanism.parameters.items()
+        },
+        "description": json.loads(mechanism.model_dump_json(exclude_defaults=True)),
+    }
+    return Section("subject", "What was studied", blocks, data)
+
+
+def _parameters(mechanism: Mechanism, values: dict[str, Any]) -> Block:
+    parameters = mechanism.parameters
+    if not parameters:
+        return Paragraph("The description has no parameters.")
+    rows = [
+        (name, _number(values[name]), part.unit, _meaning(part))
+        for name, part in parameters.items()
+    ]
+    return Table(("parameter", "value", "unit", "what"), rows, "Parameters.")
+
+
+def _meaning(part: Parameter) -> str:
+    return "; ".join(filter(None, [part.about, "live" if part.live else ""]))
+
+
+def _number(value: Any) -> str:
+    """A number or nested tuples of numbers, six digits each."""
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_number(item) for item in value) + "]"
+    return written(value)
+
+
+def version() -> str:
+    """The version of gough."""
+    try:
+        return importlib.metadata.version("gough")
+    except importlib.metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def repeating(mechanism: Mechanism) -> tuple[str, bool]:
+    """The command that repeats a study, and whether it is whole: the catalogue has the robot."""
+    name = mechanism.name
+    if name in catalogue.names():
+        changes = _changes(mechanism, name)
+        if changes is not None:
+            return " ".join(["gough study", name, *changes]), True
+    return "gough study FILE.yaml", False
+
+
+def _changes(mechanism: Mechanism, name: str) -> list[str] | None:
+    """Options that lead from the robot of the catalogue to the mechanism; None if none do."""
+    try:
+        original = load(name).mechanism
+    except GoughError:
+        return None
+    changed = mechanism.model_copy(update={"parameters": original.parameters})
+    if changed != original or mechanism.parameters.keys() != original.parameters.keys():
+        return None
+    return list(_options(mechanism, original))
+
+
+def _options(mechanism: Mechanism, original: Mechanism) -> Iterator[str]:
+    for name, part in mechanism.parameters.items():
+        if part.value != original.parameters[name].value:
+            value = json.dumps(part.model_dump(mode="json")["value"]).replace('"', "")
+            yield f"--set {shlex.quote(f'{name}={value}')}"
