@@ -388,9 +388,14 @@ def _bound_joints(mechanism: Mechanism, flat: Flat) -> set[str]:
 
 
 def _letter(flat: Flat, name: str) -> str:
+    """The letter of a joint; pins of a parallelogram give its letter once."""
     joint = flat.joints[name]
-    letter = TYPES[joint.type].letter
-    return f"[{letter}]" if joint.actuated else letter
+    whole, _, pin = name.rpartition(".")
+    if whole in flat.expanded:
+        letter = TYPES[flat.expanded[whole].type].letter if pin == "near1" else ""
+    else:
+        letter = TYPES[joint.type].letter
+    return f"[{letter}]" if joint.actuated and letter else letter
 
 
 def _legs(flat: Flat, mechanism: Mechanism) -> Iterator[Chain]:
@@ -430,9 +435,7 @@ def _grown(seed: set[str], links: Mapping[str, tuple[str, str]], ends: set[Any])
         grown |= more
 
 
-def _route(
-    flat: Flat, foot: str, joints: tuple[str, ...], mechanism: Mechanism
-) -> list[str]:
+def _route(flat: Flat, foot: str, joints: tuple[str, ...], mechanism: Mechanism) -> list[str]:
     """Joints on the shortest way from base to platform that begins with a joint of the base."""
     a, b = flat.joints[foot].bodies
     start = b if a == mechanism.base else a

@@ -59,10 +59,10 @@ def redundancies(E: Array, blocks: tuple[Block, ...], threshold: float) -> list[
 
 
 def _smallest(earlier: list[Block], block: Block, added: int, rank: object) -> list[Block]:
-    """Earlier closings without those that are not needed to imply what a block repeats."""
+    """The first few of the earlier closings that imply what a block repeats."""
     assert callable(rank)
     kept = list(earlier)
-    for other in earlier:
+    for other in reversed(earlier):
         rest = [b for b in kept if b is not other]
         if rank([*rest, block]) - rank(rest) == added:
             kept = rest

@@ -5,6 +5,8 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
+from gough.analysis.ranks import Counts, Defects
+
 if TYPE_CHECKING:
     from gough.analysis.analysis import Analysis
 
@@ -28,8 +30,8 @@ def table(analysis: Analysis) -> str:
         ("equations", f"{analysis.equations}, rank {analysis.ranks.E}, {_redundant(analysis)}"),
         ("mobility", _mobility(analysis)),
         ("actuation", analysis.actuation),
-        ("defects", _defects(analysis.defects.as_dict())),
-        ("generic defects", _defects(generic.as_dict())),
+        ("defects", _defects(analysis.defects, counts)),
+        ("generic defects", _defects(generic, counts)),
         ("singularity", _singularity(analysis)),
         ("rank gap", f"{analysis.rates.gap:.1e}"),
         (
@@ -61,8 +63,12 @@ def _mobility(analysis: Analysis) -> str:
     return str(usual) if same else f"{analysis.mobility} here, {usual} generic"
 
 
-def _defects(defects: dict[str, int]) -> str:
-    named = [f"{name} {value}" for name, value in defects.items() if value]
+def _defects(defects: Defects, counts: Counts) -> str:
+    """The defects that are not zero; without outputs RI only counts the motors and is left out."""
+    found = defects.as_dict()
+    if not counts.operational:
+        del found["RI"]
+    named = [f"{name} {value}" for name, value in found.items() if value]
     return ", ".join(named) or "none"
 
 

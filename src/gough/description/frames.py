@@ -10,6 +10,8 @@ from gough.description.expression import ExpressionError
 from gough.description.parts import Frame
 from gough.description.values import Values, scalar, vector
 
+STEEP = 0.7
+"""An axis with a z component beyond this, some 45 degrees, takes its x from the body's x axis."""
 UNIT_TOLERANCE = 1e-6
 """How far the length of an axis may be from 1. Axes typed with seven digits pass."""
 
@@ -71,7 +73,7 @@ def _from_axes(frame: Frame, values: Values, nominal: Values) -> Matrix:
         ready = ", ".join(f"{component / length:.9g}" for component in axis)
         raise FrameError("axis", f"the axis has length {length:.6g}, not 1: write [{ready}]")
     if frame.across is None:
-        across: Vector = al.IDENTITY[min(range(3), key=lambda k: (round(abs(axis[k]), 9), k))]
+        across: Vector = al.Z if abs(axis[2]) < STEEP else al.X
     else:
         if float(al.norm(al.cross(axis, _vector(frame, "across", nominal)))) < UNIT_TOLERANCE:
             raise FrameError("across", "across is zero or parallel to the axis")

@@ -85,8 +85,8 @@ class Frame(Part):
 
     Its orientation is given by ``axis`` (the z axis, a unit vector in body axes) with ``across``
     (a vector that gives the direction of x), or by ``rotate`` (rotations about the frame's own
-    axes, one after the other). Without ``across``, x is the body axis farthest from ``axis``,
-    made normal to it; of equally far ones the first.
+    axes, one after the other). Without ``across``, x is the body's z axis made normal to
+    ``axis``, or the body's x axis where ``axis`` is within some 45 degrees of z.
     """
 
     point: Vector = (0.0, 0.0, 0.0)

@@ -8,6 +8,8 @@ from typing import Any
 from gough.description.expression import Expression, ExpressionError
 from gough.description.parts import Parameter
 
+LARGEST = 1e12
+"""Largest number of a mechanism: well beyond any machine, and safe to multiply."""
 Values = Mapping[str, Any]
 """Value of each parameter: a scalar, number or symbol, or nested tuples of scalars."""
 
@@ -101,7 +103,7 @@ def scalar(value: float | Expression, values: Values) -> Any:
     result = _evaluate(value, values)
     if isinstance(result, tuple):
         raise ExpressionError(f"{value} is a list of {len(result)}, not one number")
-    return result
+    return _sensible(result)
 
 
 def vector(value: Any, values: Values, *lengths: int) -> tuple[Any, ...]:
@@ -116,7 +118,14 @@ def vector(value: Any, values: Values, *lengths: int) -> tuple[Any, ...]:
         raise ExpressionError("expected numbers, got lists inside a list")
     if lengths and len(items) not in lengths:
         raise ExpressionError(f"expected {_or(lengths)} numbers, got {len(items)}")
-    return items
+    return tuple(_sensible(item) for item in items)
+
+
+def _sensible(x: Any) -> Any:
+    """x, unless it is a number whose square a model could not hold."""
+    if isinstance(x, int | float) and abs(x) > LARGEST:
+        raise ExpressionError(f"{x:g} is too large; numbers go up to {LARGEST:g}, in SI units")
+    return x
 
 
 def _or(lengths: tuple[int, ...]) -> str:

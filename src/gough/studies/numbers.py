@@ -6,7 +6,7 @@ RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def written(value: float, digits: int = 6) -> str:
-    """A number with so many digits: true minus sign, powers of ten raised, no zeros to the right."""
+    """A number with so many digits, with a true minus sign and raised powers of ten."""
     plain = f"{value + 0.0:.{digits}g}"
     if "e" not in plain:
         return plain.replace("-", "\N{MINUS SIGN}")

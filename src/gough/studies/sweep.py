@@ -72,10 +72,10 @@ class Sweep:
     """Outputs that can not be held beside those and follow them."""
     reached: NDArray[np.bool_]
     """Whether the assembly of home reaches a point, (n,) or (rows, columns)."""
-    sigma_A: Array | None
+    sigma_a: Array | None
     """Smallest singular value of the generic rank of A = OᵀM, scaled; NaN out of reach; None if
     that rank is 0."""
-    sigma_B: Array | None
+    sigma_b: Array | None
     """The same of B = OᵀK."""
 
     @property
@@ -160,7 +160,7 @@ class _Choice:
     def _independent(
         self, tangents: Array, wanted: list[int], given: list[int] | None = None
     ) -> list[int]:
-        """Of the wanted variables those whose rates can be chosen beside each other and the given."""
+        """The wanted variables whose rates can be chosen beside each other and the given."""
         given, chosen = list(given or []), list[int]()
         for k in wanted:
             together = tangents[[*given, *chosen, k]]
@@ -209,7 +209,7 @@ def _axes(choice: _Choice, spans: list[Span], count: int) -> tuple[Axis, ...]:
         name = short_name(choice.structure, variable)
         name = name if has_place else f"turn {name} from home"
         step = (below + above) / (count - 1)
-        displacements = step * (np.arange(count) - round(below / step))
+        displacements = step * (np.arange(count, dtype=np.float64) - round(below / step))
         axes.append(Axis(name, about.unit, variable, offset, displacements))
     return tuple(axes)
 

@@ -104,7 +104,9 @@ def _draw(axes: Axes, x: Array, y: Array, layer: Layer, home: tuple[float, float
     values = np.ma.masked_invalid(layer.values)
     filled = None
     if layer.largest > 0:
-        levels = MaxNLocator(LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, layer.largest * (1 - 1e-9))
+        levels = MaxNLocator(LEVELS, steps=[1, 2, 2.5, 5, 10]).tick_values(
+            0.0, layer.largest * (1 - 1e-9)
+        )
         filled = axes.contourf(x, y, np.minimum(values, levels[-1]), levels=levels, cmap=paper.MAP)
         if layer.gets_small:
             small = SMALL * layer.largest

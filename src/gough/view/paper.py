@@ -76,7 +76,8 @@ def lettering() -> Any:
         import matplotlib
     except ImportError as error:
         raise ViewError(f"pictures need matplotlib ({error}): pip install 'gough[view]'") from None
-    return matplotlib.rc_context(LETTERING)
+    settings: Any = LETTERING
+    return matplotlib.rc_context(settings)
 
 
 def place(

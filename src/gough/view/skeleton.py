@@ -93,7 +93,7 @@ class _Reader:
 
     def read(self) -> Skeleton:
         flat = self.structure.flat
-        parts = {**flat.joints, **flat.constraints}
+        parts: dict[str, Joint | Constraint] = {**flat.joints, **flat.constraints}
         ends: dict[str, list[Array]] = {}
         for part in parts.values():
             for k, body in enumerate(part.bodies):
@@ -144,7 +144,7 @@ class _Reader:
 
 
 def current_values(robot: Robot) -> dict[str, Any]:
-    """Parameters by name as numbers and nested tuples of numbers, live ones as the robot has them."""
+    """Parameters by name, numbers and nested tuples of numbers; live ones as the robot has them."""
     numbers = iter(robot.assembler.p.tolist())
     live: Mapping[str, Any] = robot.models.closure.live
     given = {name: _filled(value, numbers) for name, value in live.items()}

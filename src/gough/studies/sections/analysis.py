@@ -28,7 +28,8 @@ PRINTED = {
 KINDS = {
     "type_1": "type 1: outputs are lost, motors move with the outputs at rest",
     "type_2": "type 2: outputs can move with the motors locked",
-    "constraint": "a constraint singularity: the legs no longer hold the platform to its usual motions",
+    "constraint": "a constraint singularity: the legs no longer hold the platform to its usual "
+    "motions",
 }
 
 

@@ -64,9 +64,9 @@ def _closing(context: Context) -> Paragraph:
         f" after {done.restarts} restarts from perturbed passive joints" if done.restarts else ""
     )
     return Paragraph(
-        f"The loops close to {written(done.residual, 2)} (m, or sine of an angle) in {done.steps} Newton "
-        f"steps{again} from the positions described. Everything below is said of this "
-        "configuration unless it says otherwise."
+        f"The loops close to {written(done.residual, 2)} (m, or sine of an angle) in "
+        f"{done.steps} Newton steps{again} from the positions described. Everything below "
+        "is said of this configuration unless it says otherwise."
     )
 
 

@@ -13,7 +13,7 @@ def section(context: Context) -> Section:
     blocks: list[Block] = []
     if structure.legs:
         rows = [(leg.name, leg.letters, ", ".join(leg.joints)) for leg in structure.legs]
-        caption = "Legs from base to platform by the letters of their joints, those of motors in brackets."
+        caption = "Legs from base to platform by the letters of their joints, motors in brackets."
         blocks.append(Table(("leg", "chain", "joints"), rows, caption))
     if closings:
         equations = [

@@ -19,10 +19,10 @@ def section(context: Context) -> Section:
         return Section("singular-values", "Singular values", [Paragraph(text)])
     spectra = _spectra(rates, context.analysis.generic.ranks)
     intro = Paragraph(
-        f"All ranks use one threshold, {written(rates.threshold, 2)}: {written(EPSILON)} times the largest "
-        f"singular value of E. Lengths are divided by the characteristic length, {written(length, 4)} m, "
-        "so that the values have no unit. A wide empty band around the threshold means that the "
-        "ranks are beyond doubt."
+        f"All ranks use one threshold, {written(rates.threshold, 2)}: {written(EPSILON)} times "
+        "the largest singular value of E. Lengths are divided by the characteristic length, "
+        f"{written(length, 4)} m, so that the values have no unit. A wide empty band around "
+        "the threshold means that the ranks are beyond doubt."
     )
     figure = view.draw_spectra(spectra, rates.threshold)
     caption = (
@@ -36,8 +36,7 @@ def section(context: Context) -> Section:
         "unit": "1",
         "values": {spectrum.name: spectrum.values for spectrum in spectra},
     }
-    blocks = [intro, drawn]
-    return Section("singular-values", "Singular values", blocks, {"singular_values": data})
+    return Section("singular-values", "Singular values", [intro, drawn], {"singular_values": data})
 
 
 def _spectra(rates: Linearisation, generic: Ranks) -> list[Spectrum]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gough import view
 from gough.studies.context import Context
 from gough.studies.numbers import written
-from gough.studies.report import Block, Paragraph, Picture, Section, Table
+from gough.studies.report import Block, Cell, Paragraph, Picture, Section, Table
 from gough.studies.sweep import Sweep, sweep
 from gough.view import Layer
 
@@ -23,7 +23,7 @@ def section(context: Context) -> Section:
     found = sweep(context.robot, context.analysis, context.points, context.progress)
     if isinstance(found, str):
         return Section("sweep", TITLE, [Paragraph(found)], {"sweep": None, "no_sweep": found})
-    sigma = {"A": found.sigma_A, "B": found.sigma_B}
+    sigma = {"A": found.sigma_a, "B": found.sigma_b}
     values = {name: array for name, array in sigma.items() if array is not None}
     blocks: list[Block] = [Paragraph(_meaning(context)), Paragraph(_course(found))]
     blocks += [_picture(context, found, values), _extremes(found, values)]
@@ -78,12 +78,12 @@ def _picture(context: Context, found: Sweep, values: dict[str, NDArray[np.float6
 
 def _extremes(found: Sweep, values: dict[str, NDArray[np.float64]]) -> Table:
     columns = ["value", "at home", "smallest", *(f"at {axis.label}" for axis in found.axes)]
-    rows = []
+    rows: list[list[Cell]] = []
     for name, array in values.items():
         cell = np.unravel_index(int(np.nanargmin(array)), array.shape)
         places = [float(axis.values[k]) for axis, k in zip(found.axes, cell[::-1], strict=True)]
         at_home = float(array[found.home])
-        rows.append((f"σ of {name}, {NEAR[name]}", at_home, float(array[cell]), *places))
+        rows.append([f"σ of {name}, {NEAR[name]}", at_home, float(array[cell]), *places])
     return Table(columns, rows, "At home, and the smallest over the points reached.")
 
 
@@ -97,7 +97,7 @@ def _data(found: Sweep) -> dict[str, Any]:
         "held": list(found.held),
         "following": list(found.following),
         "reached": found.reached,
-        "sigma_A": found.sigma_A,
-        "sigma_B": found.sigma_B,
+        "sigma_A": found.sigma_a,
+        "sigma_B": found.sigma_b,
         "sigma_unit": "1",
     }
