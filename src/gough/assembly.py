@@ -99,22 +99,23 @@ class Assembler:
         free = np.ones(len(self.models.structure.variables), dtype=bool)
         if held is not None:
             free &= ~held
-        solution = newton.solve(
-            lambda at: self.row_scale * self.models.residual(at, self.p),
-            lambda at: self.scaled_jacobian(at) * free,
+        return newton.solve(
+            self._gaps,
+            lambda at: self._gap_slopes(at) * free,
             lambda at, step: self.models.retract(at, self.rate_scale * step),
             q,
             TOLERANCE,
             max_steps,
         )
-        if solution.ending is Ending.closed and not self._reachable(solution.q):
-            return newton.Solution(
-                solution.q, solution.gap, solution.last_step, Ending.reversed, solution.steps
-            )
-        return solution
 
-    def _reachable(self, q: Array) -> bool:
-        return bool(np.all(self.models.branch(q, self.p) > 0))
+    def _gaps(self, q: Array) -> Array:
+        """Scaled closure residuals, then what tells the reachable side of every closing."""
+        closing = self.row_scale * self.models.residual(q, self.p)
+        return np.concatenate([closing, self.models.sides(q, self.p)])
+
+    def _gap_slopes(self, q: Array) -> Array:
+        sides = self.models.side_jacobian(q, self.p) * self.rate_scale
+        return np.vstack([self.scaled_jacobian(q), sides])
 
     # home
 
@@ -122,8 +123,9 @@ class Assembler:
         """The closed configuration that the described start leads to.
 
         Given values of outputs and motors are kept where the loops close with them, else those of
-        the platform alone, else those of the motors alone; all others only start from theirs. If the described
-        start does not close, passive joints without a given value are perturbed (seeded).
+        the platform alone, else those of the motors alone; all others only start from theirs.
+        If the described start does not close, passive joints without a given value are perturbed
+        (seeded).
         """
         rng = np.random.default_rng(seed)
         best: newton.Solution | None = None
@@ -163,10 +165,10 @@ class Assembler:
         self, solution: newton.Solution, steps: int, restarts: int, held: Mask
     ) -> Assembly:
         F = np.abs(self.models.residual(solution.q, self.p))
-        worst = ""
-        if F.size:
-            row = int(np.argmax(self.row_scale * F))
-            worst = self._place_of(row)
+        gaps = np.abs(self._gaps(solution.q))
+        worst = self._place_of(int(np.argmax(gaps))) if gaps.size else ""
+        if gaps.size and int(np.argmax(gaps)) >= F.size:
+            worst += ", which is turned to its reverse side"
         largest = float(F.max(initial=0.0))
         moved = () if steps == 0 else self._given_way(held)
         return Assembly(solution.q, largest, steps, restarts, solution.ending, worst, moved)
@@ -180,10 +182,14 @@ class Assembler:
             if given and not kept and variable.role != "passive"
         )
 
-    def _place_of(self, row: int) -> str:
-        """The closing that a row belongs to, and the joints of its loop."""
-        blocks = self.models.closure.blocks
-        block = next(b for b in blocks if b.rows.start <= row < b.rows.stop)
+    def _place_of(self, gap: int) -> str:
+        """The closing that a gap belongs to, and the joints of its loop."""
+        closure = self.models.closure
+        sides = gap - len(closure.rows)
+        if sides >= 0:
+            block = next(b for b in closure.blocks if b.name == closure.side_closings[sides])
+        else:
+            block = next(b for b in closure.blocks if b.rows.start <= gap < b.rows.stop)
         return f"{block.name} (loop of {', '.join(block.joints)})"
 
     # elsewhere

@@ -37,10 +37,15 @@ class Models:
         return self._kernel("jacobian", self.closure.jacobian)
 
     @cached_property
-    def branch(self) -> Kernel:
-        """Values that are positive on the reachable side of every closing: (*batch, values)."""
-        count = self.closure.branch.numel()
-        return self._kernel("branch", self.closure.branch, (count,))
+    def sides(self) -> Kernel:
+        """Zero where closings are on their reachable side, up to 2 elsewhere: (*batch, values)."""
+        count = self.closure.sides.numel()
+        return self._kernel("sides", self.closure.sides, (count,))
+
+    @cached_property
+    def side_jacobian(self) -> Kernel:
+        """Derivative of ``sides`` by the rates: (*batch, values, variables)."""
+        return self._kernel("side_jacobian", self.closure.side_jacobian)
 
     @cached_property
     def poses(self) -> Kernel:

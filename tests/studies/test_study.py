@@ -249,14 +249,22 @@ def test_too_few_points_are_refused(tmp_path: Path) -> None:
 # words and tables
 
 
-def test_the_command_names_changed_parameters() -> None:
-    command, whole = subject.repeating(load("2rpr", L=1.25).mechanism)
-    assert (command, whole) == ("gough study 2rpr --set L=1.25", True)
+@pytest.mark.parametrize(
+    ("changes", "options"),
+    [
+        ({}, ""),
+        ({"L": 1.25}, " --set L=1.25"),
+        ({"angles": [1.0, "pi/2"]}, " --set 'angles=[1.0, pi/2]'"),
+        ({"modelling": "cut-platform"}, " --modelling cut-platform"),
+    ],
+)
+def test_the_command_names_what_was_changed(changes: dict[str, Any], options: str) -> None:
+    assert subject.repeating(load("2rpr", **changes)) == (f"gough study 2rpr{options}", True)
 
 
 def test_a_changed_robot_is_not_called_by_the_catalogue_name() -> None:
     changed = load("2rpr").mechanism.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
-    assert subject.repeating(changed) == ("gough study FILE.yaml", False)
+    assert subject.repeating(Robot(changed)) == ("gough study FILE.yaml", False)
 
 
 @pytest.mark.parametrize(

@@ -41,10 +41,10 @@ def _read_moves(value: Any) -> tuple[str, ...]:
     """The free coordinates of a link; an empty tuple stands for all."""
     if value == "all" or value == ():
         return ()
-    turns = [move for move in value if move in ROTATIONS] if isinstance(value, list | tuple) else []
-    if not isinstance(value, list | tuple) or not value or not set(value) <= set(POSE):
+    if not isinstance(value, list | tuple) or not value or any(m not in POSE for m in value):
         raise ValueError(f"expected all, or a list of {', '.join(POSE)}; got {value!r}")
-    if len(set(value)) < len(value) or len(turns) not in (0, 1, 3):
+    turns = len(set(value) & set(ROTATIONS))
+    if len(set(value)) < len(value) or turns == 2:
         raise ValueError(f"expected no rotation, one, or all three, none twice; got {value!r}")
     return tuple(move for move in POSE if move in value)
 

@@ -97,10 +97,11 @@ class JointType(ABC):
         """The same for a mechanism that moves in the x-y plane of the common axes."""
         raise TypeError(f"{self.name} has no planar form")
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
-        """Values that are positive on the side of the equations that the joint can reach.
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+        """Cosines that are 1 where the joint is closed on the side it can reach.
 
-        Antiparallel axes and half turns solve the rows as well as the joint's own positions do.
+        Antiparallel axes and half turns solve the rows too, with a cosine of -1 here. What is
+        missing to 1 has no slope at a closed joint: it adds nothing to the rows, and tells sides.
         """
         return []
 
@@ -120,7 +121,7 @@ def axes_parallel(a: Transform, b: Transform) -> list[Row]:
 
 
 def axes_agree(a: Transform, b: Transform) -> Scalar:
-    """z_a·z_b, positive where parallel axes point the same way."""
+    """z_a·z_b: 1 where parallel axes point the same way, -1 where they oppose."""
     return al.dot(al.column(a[0], 2), al.column(b[0], 2))
 
 
@@ -132,9 +133,9 @@ def orientations_coincide(a: Transform, b: Transform) -> list[Row]:
 
 
 def orientations_agree(a: Transform, b: Transform) -> Scalar:
-    """trace(R_aᵀ R_b) - 1, positive for turns below a right angle."""
+    """(trace(R_aᵀ R_b) - 1) / 2: the cosine of the angle of the turn from a to b."""
     E = al.matmul(al.transpose(a[0]), b[0])
-    return al.sub(al.total([E[0][0], E[1][1], E[2][2]]), 1.0)
+    return al.mul(0.5, al.sub(al.total([E[0][0], E[1][1], E[2][2]]), 1.0))
 
 
 def across_axis(a: Transform, b: Transform) -> list[Row]:

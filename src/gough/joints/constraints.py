@@ -9,14 +9,14 @@ from gough.joints import TYPES, base
 from gough.joints.base import Row
 
 Rows = Callable[[Transform, Transform], list[Row]]
-Branch = Callable[[Transform, Transform], list[Scalar]]
+Alignment = Callable[[Transform, Transform], list[Scalar]]
 
 
 class Constraint:
     """Equations between two frames, in space and in the plane, and the side they hold on."""
 
-    def __init__(self, rows: Rows, planar_rows: Rows, branch: Branch) -> None:
-        self.rows, self.planar_rows, self.branch = rows, planar_rows, branch
+    def __init__(self, rows: Rows, planar_rows: Rows, alignment: Alignment) -> None:
+        self.rows, self.planar_rows, self.alignment = rows, planar_rows, alignment
 
 
 CONSTRAINTS: dict[str, Constraint] = {
@@ -31,7 +31,7 @@ CONSTRAINTS: dict[str, Constraint] = {
     "frames-coincide": Constraint(
         lambda a, b: TYPES["fixed"].rows(a, b, {}),
         lambda a, b: TYPES["fixed"].planar_rows(a, b, {}),
-        lambda a, b: TYPES["fixed"].branch(a, b, {}),
+        lambda a, b: TYPES["fixed"].alignment(a, b, {}),
     ),
 }
 """Every constraint by its name: frame origins coincide; z axes are parallel; frames coincide."""

@@ -30,5 +30,5 @@ class Cylindrical(JointType):
     def rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
         return base.across_axis(a, b) + base.axes_parallel(a, b)
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
         return [base.axes_agree(a, b)]

@@ -31,5 +31,5 @@ class Fixed(JointType):
         points = base.planar_points_coincide(a, b)
         return points + base.planar_orientations_coincide(a, b)
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
         return [base.orientations_agree(a, b)]

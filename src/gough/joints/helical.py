@@ -29,7 +29,7 @@ class Helical(JointType):
         lag = al.mul(_advance(dimensions), self._lag(a, b, dimensions))
         return [*base.across_axis(a, b), *base.axes_parallel(a, b), Row(lag, "m")]
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
         return [base.axes_agree(a, b)]
 
     @staticmethod

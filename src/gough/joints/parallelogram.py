@@ -40,7 +40,7 @@ class Parallelogram(JointType):
     def planar_rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
         return [self._circle(a, b, dimensions), *base.planar_orientations_coincide(a, b)]
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
         return [base.orientations_agree(a, b)]
 
     @staticmethod

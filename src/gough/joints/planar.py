@@ -30,5 +30,5 @@ class Planar(JointType):
     def rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
         return [Row(base.along_axis(a, b), "m"), *base.axes_parallel(a, b)]
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
         return [base.axes_agree(a, b)]

@@ -33,5 +33,5 @@ class Prismatic(JointType):
         aside = al.dot(normal, al.minus(b[1], a[1]))
         return [Row(aside, "m"), *base.planar_orientations_coincide(a, b)]
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
         return [base.orientations_agree(a, b)]

@@ -30,5 +30,5 @@ class Revolute(JointType):
     def planar_rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
         return base.planar_points_coincide(a, b)
 
-    def branch(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
+    def alignment(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Scalar]:
         return [base.axes_agree(a, b)]

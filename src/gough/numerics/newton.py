@@ -28,7 +28,6 @@ class Ending(Enum):
 
     closed = "every loop closes within tolerance"
     open = "the gap stopped shrinking: this configuration is probably out of reach"
-    reversed = "the equations hold, but a joint is turned to its reverse side"
     step_limit = "the gap was still shrinking when the steps ran out"
     not_finite = "the equations have no finite value at the start"
 

@@ -129,7 +129,7 @@ class Closure:
 
     @cached_property
     def _closed(self) -> tuple[tuple[list[Row], list[Scalar]], ...]:
-        """Rows of each closing, and the values that are positive on its reachable side."""
+        """Rows of each closing, and the cosines that are 1 on its reachable side."""
         return tuple(self._rows(closing) for closing in self.structure.closings)
 
     def _rows(self, closing: Closing) -> tuple[list[Row], list[Scalar]]:
@@ -141,9 +141,9 @@ class Closure:
         if closing.kind == "joint":
             kind = TYPES[closing.type]
             rows = kind.planar_rows if planar else kind.rows
-            return rows(a, b, dimensions), kind.branch(a, b, dimensions)
+            return rows(a, b, dimensions), kind.alignment(a, b, dimensions)
         constraint = CONSTRAINTS[closing.type]
-        return (constraint.planar_rows if planar else constraint.rows)(a, b), constraint.branch(
+        return (constraint.planar_rows if planar else constraint.rows)(a, b), constraint.alignment(
             a, b
         )
 
@@ -171,9 +171,19 @@ class Closure:
         return _column([row.residual for row in self.rows])
 
     @cached_property
-    def branch(self) -> SX:
-        """Values that are positive where every joint closes on its reachable side, a column."""
-        return _column([value for _, values in self._closed for value in values])
+    def sides(self) -> SX:
+        """1 - cosine of each closing's alignment, a column: zero on the side it can reach.
+
+        These vanish with zero slope at a closed configuration. They keep a search away from half
+        turns and antiparallel axes, which solve F = 0 too.
+        """
+        return _column([1.0 - value for _, values in self._closed for value in values])
+
+    @cached_property
+    def side_closings(self) -> tuple[str, ...]:
+        """The name of the closing behind each entry of ``sides``."""
+        pairs = zip(self.structure.closings, self._closed, strict=True)
+        return tuple(closing.name for closing, (_, values) in pairs for _ in values)
 
     # rates
 
@@ -189,7 +199,15 @@ class Closure:
     @cached_property
     def jacobian(self) -> SX:
         """E = [M N K] with its columns in the order of the variables: dF/dt = E v."""
-        return casadi.jacobian(self.residual, self.q) @ self.position_rates
+        return self._slope(self.residual)
+
+    @cached_property
+    def side_jacobian(self) -> SX:
+        """Derivative of ``sides`` by the rates."""
+        return self._slope(self.sides)
+
+    def _slope(self, values: SX) -> SX:
+        return casadi.jacobian(values, self.q) @ self.position_rates
 
     @cached_property
     def body_twists(self) -> dict[str, list[Twist]]:

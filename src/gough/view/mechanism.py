@@ -226,15 +226,20 @@ def _names(axes: Axes, bones: Skeleton) -> None:
         up = 1.0 if away[1] > 0 else -1.0
         right = 1.0 if away[0] >= 0 else -1.0
         axes.annotate(
-            ", ".join(mark.name for mark in marks),
+            _joined([mark.name for mark in marks]),
             at[:2],
-            xytext=(0, 10 * up) if on_base else (9 * right, 3 * up),
+            xytext=(0, 10 * up) if on_base else (8 * right, 6 * up),
             textcoords="offset points",
             ha="center" if on_base else ("left" if right > 0 else "right"),
             va="center" if not on_base else ("bottom" if up > 0 else "top"),
             color=paper.SOFT,
             zorder=6,
         )
+
+
+def _joined(names: list[str]) -> str:
+    """One or two names in a line; more of them one under the other."""
+    return ", ".join(names) if len(names) <= 2 else "\n".join(names)
 
 
 def _places(bones: Skeleton) -> list[list[Mark]]:

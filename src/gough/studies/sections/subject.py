@@ -13,7 +13,7 @@ from gough import catalogue
 from gough.description import Mechanism
 from gough.description.parts import Parameter
 from gough.errors import GoughError
-from gough.robot import load
+from gough.robot import Robot, load
 from gough.studies.context import Context
 from gough.studies.numbers import written
 from gough.studies.report import Block, Command, Paragraph, Section, Table
@@ -23,7 +23,7 @@ from gough.view.skeleton import current_values
 def section(context: Context) -> Section:
     """Name, architecture, parameters, versions, and the command that repeats the study."""
     mechanism, structure = context.robot.mechanism, context.robot.structure
-    command, whole = repeating(mechanism)
+    command, whole = repeating(context.robot)
     done = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     facts = {
         "name": mechanism.name,
@@ -90,14 +90,14 @@ def version() -> str:
         return "not installed"
 
 
-def repeating(mechanism: Mechanism) -> tuple[str, bool]:
+def repeating(robot: Robot) -> tuple[str, bool]:
     """The command that repeats a study, and whether it is whole: the catalogue has the robot."""
-    name = mechanism.name
-    if name in catalogue.names():
-        changes = _changes(mechanism, name)
-        if changes is not None:
-            return " ".join(["gough study", name, *changes]), True
-    return "gough study FILE.yaml", False
+    name, chosen = robot.name, robot.structure.modelling
+    modelling = [] if chosen == robot.mechanism.modelling else [f"--modelling {chosen}"]
+    changes = _changes(robot.mechanism, name) if name in catalogue.names() else None
+    if changes is None:
+        return " ".join(["gough study FILE.yaml", *modelling]), False
+    return " ".join(["gough study", name, *changes, *modelling]), True
 
 
 def _changes(mechanism: Mechanism, name: str) -> list[str] | None:
