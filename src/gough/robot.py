@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from gough import catalogue
 from gough.analysis.analysis import Analysis, analyse
+from gough.analysis.elimination import VelocityMap, direct_map, inverse_map, passive_map
+from gough.analysis.ranks import Linearisation, linearise
 from gough.assembly import Assembler, Assembly
 from gough.description import Mechanism
 from gough.formats.native import Source
@@ -94,6 +96,34 @@ class Robot:
             ClosureError: the loops do not close.
         """
         return analyse(self.assembler, self.home.assembly, seed)
+
+    # rates at the home configuration
+
+    @cached_property
+    def rates(self) -> Linearisation:
+        """M, N and K at home, lengths divided by the characteristic length."""
+        return linearise(self.assembler, self.home.q)
+
+    def inverse_velocity(self) -> VelocityMap:
+        """Motor rates from output rates at home: q̇_a = J⁻¹ ẋ, (actuated, operational).
+
+        With all six freedoms of the platform ẋ is its twist (linear, angular) in base axes.
+        ``valid`` says whether every output rate is possible, ``unique`` whether it fixes the
+        motors' rates. SI units and rad.
+        """
+        return self._in_si(inverse_map(self.rates), "actuated", "operational")
+
+    def direct_velocity(self) -> VelocityMap:
+        """Output rates from motor rates at home: ẋ = J q̇_a, (operational, actuated)."""
+        return self._in_si(direct_map(self.rates), "operational", "actuated")
+
+    def passive_velocity(self) -> VelocityMap:
+        """Passive rates from output rates at home, (passive, operational)."""
+        return self._in_si(passive_map(self.rates), "passive", "operational")
+
+    def _in_si(self, found: VelocityMap, output: Role, input_: Role) -> VelocityMap:
+        scale, columns = self.assembler.rate_scale, self.structure.columns
+        return found.in_units(scale[columns(output)], scale[columns(input_)])
 
     def _positions(self, q: Array, role: Role) -> Array:
         """Position numbers of the freedoms with a role, in the order of the variables."""

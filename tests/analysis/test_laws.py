@@ -14,29 +14,15 @@ from tests.mechanisms import frame_of, numbers, random_frame, random_mechanism
 SEEDS = range(30)
 
 
-def rates_of(robot):
-    return ranks.linearise(robot.assembler, robot.home.q)
-
-
 def facts(robot):
     """Everything of the analysis that does not depend on names or on a frame of reference."""
-    rates = rates_of(robot)
+    rates = robot.rates
     return {
         "counts": (rates.counts.actuated, rates.counts.operational),
         "mobility": ranks.mobility(rates.ranks, rates.counts),
         "defects": ranks.defects(rates.ranks, rates.counts, rates.ranks),
         "redundant": rates.E.shape[0] - rates.ranks.E,
     }
-
-
-def unscaled_map(robot, build):
-    """A velocity map in SI units."""
-    rates, structure = rates_of(robot), robot.structure
-    scale = robot.assembler.rate_scale
-    out, into = structure.columns("actuated"), structure.columns("operational")
-    found = build(rates)
-    matrix = scale[out][:, None] * found.matrix / scale[into]
-    return matrix, found.valid, found.unique
 
 
 def buildable(seed, modelling=None, **options):
@@ -77,12 +63,14 @@ def test_both_ways_of_modelling_agree(seed, planar):
     one, two = facts(first), facts(second)
     del one["redundant"], two["redundant"]  # what is written twice depends on what is cut
     assert one == two
-    (J, valid, unique), (K, also_valid, also_unique) = (
-        unscaled_map(robot, elimination.inverse_map) for robot in (first, second)
-    )
-    assert (valid, unique) == (also_valid, also_unique)
-    if valid and unique:
-        np.testing.assert_allclose(J, K, atol=1e-9 * max(1, np.abs(J).max(initial=0)))
+    for J, K in (
+        (first.inverse_velocity(), second.inverse_velocity()),
+        (first.direct_velocity(), second.direct_velocity()),
+    ):
+        assert (J.valid, J.unique) == (K.valid, K.unique)
+        if J.valid and J.unique:
+            size = max(1, np.abs(J.matrix).max(initial=0))
+            np.testing.assert_allclose(J.matrix, K.matrix, atol=1e-9 * size)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -90,7 +78,7 @@ def test_three_constructions_of_the_complement_agree(seed):
     robot = buildable(seed)
     if robot is None:
         return
-    rates = rates_of(robot)
+    rates = robot.rates
     blocks = elimination.by_gram_schmidt(rates)
     complements = [elimination.by_svd(rates), elimination.by_qr(rates), blocks.complement]
     projectors = [O @ O.T for O in complements]
@@ -109,7 +97,7 @@ def test_maps_agree_with_the_tangent_space(seed):
     robot = buildable(seed)
     if robot is None:
         return
-    rates = rates_of(robot)
+    rates = robot.rates
     a, o = rates.counts.actuated, rates.counts.operational
     V_a, V_x = rates.kernel[:a], rates.kernel[rates.kernel.shape[0] - o :]
     inverse, direct = elimination.inverse_map(rates), elimination.direct_map(rates)

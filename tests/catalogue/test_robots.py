@@ -109,7 +109,7 @@ def test_stored_facts_are_those_of_today():
 
 def test_the_redundant_equations_of_a_delta_are_named():
     found = {str(item) for item in analysis_of("delta-parallelogram").redundant}
-    assert any(text.startswith("leg1.corner repeats 1 of its 3 equations") for text in found)
+    assert any(text.startswith("leg1.pin4 repeats 1 of its 3 equations") for text in found)
 
 
 def test_internal_mobility_is_named():

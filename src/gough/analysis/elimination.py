@@ -103,6 +103,21 @@ class VelocityMap:
     refused: Array
     """Basis of the input rates that the equations refuse, as columns."""
 
+    def in_units(self, output: Array, input_: Array) -> VelocityMap:
+        """The map for rates that are multiples of other units.
+
+        Args:
+            output: unit of each output rate, (outputs,).
+            input_: unit of each input rate, (inputs,).
+        """
+        return VelocityMap(
+            output[:, None] * self.matrix / input_,
+            self.valid,
+            self.unique,
+            output[:, None] * self.freedom,
+            input_[:, None] * self.refused,
+        )
+
 
 def inverse_map(rates: Linearisation, complement: Array | None = None) -> VelocityMap:
     """q̇_a = -A⁺B ẋ: motor rates from output rates. Valid iff (I - AA⁺)B = 0."""

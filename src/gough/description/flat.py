@@ -69,7 +69,7 @@ def _add_leg(flat: Flat, name: str, leg: Leg, i: int) -> None:
 
 
 def _add(flat: Flat, kind: str, name: str, part: Part, path: Path) -> None:
-    if isinstance(part, Joint) and part.type == "parallelogram" and BARS <= part.dimensions.keys():
+    if isinstance(part, Joint) and part.type == "parallelogram" and part.dimensions.keys() >= BARS:
         flat.expanded[name] = part
         flat.paths["joints", name] = path
         _add_parallelogram(flat, name, part, path)

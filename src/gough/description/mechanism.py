@@ -75,3 +75,14 @@ class Mechanism(Description):
         if problems:
             raise DescriptionError(problems, source=self.name)
         return self
+
+    def written_out(self) -> Mechanism:
+        """The same mechanism with its legs, and parallelograms with heavy bars, written out.
+
+        Every part then has its full name and can be changed alone.
+        """
+        from gough.description.flat import KINDS, flatten
+
+        flat = flatten(self)
+        parts = {kind: getattr(flat, kind) for kind in KINDS}
+        return Mechanism(**{**dict(self), **parts, "legs": {}})
