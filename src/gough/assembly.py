@@ -42,7 +42,7 @@ class Assembly:
     worst: str
     """Where the largest residual is: the joint and its loop."""
     moved: tuple[str, ...]
-    """Motors and outputs whose described values had to give way."""
+    """Motors and coordinates of the platform whose described values had to give way."""
 
     def require(self) -> Assembly:
         """Self if every loop is closed.
@@ -174,13 +174,13 @@ class Assembler:
         return Assembly(solution.q, largest, steps, restarts, solution.ending, worst, moved)
 
     def _given_way(self, held: Mask) -> tuple[str, ...]:
-        """Names of the motors and outputs that were described and not kept."""
-        variables = self.models.structure.variables
-        return tuple(
-            variable.name
-            for variable, given, kept in zip(variables, self.given, held, strict=True)
-            if given and not kept and variable.role != "passive"
-        )
+        """Names of the motors and coordinates of the platform that were described and not kept."""
+        structure = self.models.structure
+        promised = structure.columns("actuated")
+        if structure.platform_is_output:
+            promised = promised + structure.columns("operational")
+        lost = [k for k in promised if self.given[k] and not held[k]]
+        return tuple(structure.variables[k].name for k in sorted(lost))
 
     def _place_of(self, gap: int) -> str:
         """The closing that a gap belongs to, and the joints of its loop."""

@@ -44,6 +44,10 @@ MOST_NAMES = 8
 """Joints of a planar mechanism that still get their names written."""
 
 
+NAME_ROOM = 0.1
+"""Room for names on either side, as a part of the longest side."""
+
+
 @dataclass(frozen=True)
 class View:
     """A projection along one axis of the root."""
@@ -124,6 +128,8 @@ def _box(bones: Skeleton) -> tuple[Array, Array]:
     low, high = points.min(axis=0), points.max(axis=0)
     longest = float(np.max(high - low)) or bones.length
     size = np.maximum(high - low + 0.16 * longest, FLATTEST * longest)
+    if _named(bones):
+        size[0] += 2 * NAME_ROOM * longest
     return (low + high - size) / 2, size
 
 
@@ -215,7 +221,7 @@ def _names(axes: Axes, bones: Skeleton) -> None:
 
     Those of joints on the base stand above or below, so that they stay inside the picture.
     """
-    if len(bones.marks) > MOST_NAMES:
+    if not _named(bones):
         return
     places = _places(bones)
     middle = np.mean([mark.at for marks in places for mark in marks], axis=0)
@@ -235,6 +241,11 @@ def _names(axes: Axes, bones: Skeleton) -> None:
             color=paper.SOFT,
             zorder=6,
         )
+
+
+def _named(bones: Skeleton) -> bool:
+    """Whether there is room for names."""
+    return bones.planar and len(bones.marks) <= MOST_NAMES
 
 
 def _joined(names: list[str]) -> str:
