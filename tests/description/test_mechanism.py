@@ -102,3 +102,27 @@ def test_too_many_parts_are_refused_before_they_are_built():
     many = LEGS.replace("repeat: 3", "repeat: 900")
     with pytest.raises(DescriptionError, match="1801 joints and constraints; at most 1000"):
         Source(many.encode(), "legs.yaml").mechanism()
+
+
+def test_parameters_of_a_leg_are_its_own():
+    text = """\
+name: spokes
+parameters: {R: 0.5}
+bodies: {hub: {mass: 1}}
+legs:
+  spoke:
+    repeat: 3
+    parameters: {angle: 2*pi*i/3, end: ["R*cos(angle)", "R*sin(angle)", 0], mass: 0.1 + i}
+    bodies: {rim: {mass: mass}}
+    joints: {pin: {type: revolute, bodies: [hub, rim], frames: [{point: end}, {}]}}
+joints: {axle: {type: revolute, bodies: [base, hub]}}
+"""
+    robot = Robot(Source(text.encode(), "spokes.yaml").mechanism())
+    values = robot.models.closure.nominal
+    assert values["spoke3__mass"] == 2.1
+    assert values["spoke2__end"] == pytest.approx((-0.25, 0.75**0.5 / 2, 0))
+    assert robot.mechanism.written_out().legs == {}
+    wrong = text.replace("0.1 + i", "0.1 + j")
+    with pytest.raises(DescriptionError, match=r"legs\.spoke\.parameters\.mass: there is no") as caught:
+        Source(wrong.encode(), "spokes.yaml").mechanism()
+    assert {problem.line for problem in caught.value.problems} == {7}

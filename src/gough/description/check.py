@@ -76,12 +76,12 @@ class _Checker:
     # names and numbers
 
     def _check_parameters(self) -> None:
-        for name in self.mechanism.parameters:
-            if name in RESERVED or name == "i":
-                self.report(("parameters", name), f"{name!r} has a meaning of its own", on_key=True)
+        for path in self.flat.paths.values():
+            if path[-2] == "parameters" and path[-1] in RESERVED | {"i"}:
+                self.report(path, f"{path[-1]!r} has a meaning of its own", on_key=True)
         self.values = evaluate_parameters(
-            self.mechanism.parameters,
-            report=lambda name, text: self.report(("parameters", name), text),
+            self.flat.parameters,
+            report=lambda name, text: self.report(self.flat.paths["parameters", name], text),
         )
 
     def _check_names(self) -> None:
@@ -104,7 +104,7 @@ class _Checker:
 
     def _follows(self, error: Exception) -> bool:
         """Whether an error only repeats that a parameter has no value, which was reported."""
-        valueless = self.mechanism.parameters.keys() - self.values.keys()
+        valueless = self.flat.parameters.keys() - self.values.keys()
         return any(f"'{name}'" in str(error) for name in valueless)
 
     def _number(self, value: Any, path: Path, *lengths: int) -> Any:

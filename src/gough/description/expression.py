@@ -100,8 +100,8 @@ class Expression:
             raise ExpressionError(f"{self.text!r} is not finite")
         return result
 
-    def bind(self, values: Mapping[str, int]) -> Expression:
-        """The expression with some names replaced by whole numbers."""
+    def bind(self, values: Mapping[str, int | str]) -> Expression:
+        """The expression with some names replaced, by whole numbers or by other names."""
         if not self.names & values.keys():
             return self
         return Expression(ast.unparse(_Bind(values).visit(ast.parse(self.text, mode="eval"))))
@@ -120,11 +120,14 @@ class Expression:
 
 
 class _Bind(ast.NodeTransformer):
-    def __init__(self, values: Mapping[str, int]) -> None:
+    def __init__(self, values: Mapping[str, int | str]) -> None:
         self.values = values
 
     def visit_Name(self, node: ast.Name) -> ast.expr:
-        return ast.Constant(self.values[node.id]) if node.id in self.values else node
+        value = self.values.get(node.id)
+        if isinstance(value, str):
+            return ast.Name(value)
+        return node if value is None else ast.Constant(value)
 
 
 def _parse(text: str, max_length: int, max_depth: int) -> ast.expr:

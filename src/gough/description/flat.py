@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from gough.description.expression import Expression
 from gough.description.mechanism import Description
-from gough.description.parts import Body, Constraint, Coupling, Frame, Joint, Leg, Part
+from gough.description.parts import (
+    Body,
+    Constraint,
+    Coupling,
+    Frame,
+    Joint,
+    Leg,
+    Parameter,
+    Part,
+)
 from gough.errors import Path
 
 
 @dataclass
 class Flat:
-    """Every body, joint, constraint and coupling by its full name.
+    """Every parameter, body, joint, constraint and coupling by its full name.
 
     ``paths`` says where a part was written: one place in a leg serves all its repetitions.
     ``clashes`` lists names that came up twice; ``expanded`` keeps the joints that were replaced by
     bodies, joints and couplings.
     """
 
+    parameters: dict[str, Parameter] = field(default_factory=dict)
     bodies: dict[str, Body] = field(default_factory=dict)
     joints: dict[str, Joint] = field(default_factory=dict)
     constraints: dict[str, Constraint] = field(default_factory=dict)
@@ -51,6 +62,8 @@ KINDS = ("bodies", "joints", "constraints", "couplings")
 def flatten(mechanism: Description) -> Flat:
     """Write out the legs and the parallelograms whose bars have mass."""
     flat = Flat()
+    for name, parameter in mechanism.parameters.items():
+        flat.add("parameters", name, parameter, ("parameters", name))
     for kind in KINDS:
         for name, part in getattr(mechanism, kind).items():
             _add(flat, kind, name, part, (kind, name))
@@ -62,10 +75,20 @@ def flatten(mechanism: Description) -> Flat:
 
 def _add_leg(flat: Flat, name: str, leg: Leg, i: int) -> None:
     prefix = f"{name}{i + 1}" if leg.repeat else name
+    own = {parameter: _own_name(prefix, parameter) for parameter in leg.parameters}
+    names: dict[str, int | str] = {"i": i, **own}
+    for parameter, part in leg.parameters.items():
+        path = ("legs", name, "parameters", parameter)
+        flat.add("parameters", own[parameter], bound(part, names), path)
     for kind in KINDS:
-        for own, part in getattr(leg, kind).items():
-            placed = _relabelled(bound(part, {"i": i}), leg, prefix)
-            _add(flat, kind, f"{prefix}.{own}", placed, ("legs", name, kind, own))
+        for short, part in getattr(leg, kind).items():
+            placed = _relabelled(bound(part, names), leg, prefix)
+            _add(flat, kind, f"{prefix}.{short}", placed, ("legs", name, kind, short))
+
+
+def _own_name(prefix: str, parameter: str) -> str:
+    """The full name of a leg's parameter, which expressions can hold: leg1.q is leg1__q."""
+    return re.sub(r"\W", "_", prefix) + "__" + parameter
 
 
 def _add(flat: Flat, kind: str, name: str, part: Part, path: Path) -> None:
@@ -77,18 +100,18 @@ def _add(flat: Flat, kind: str, name: str, part: Part, path: Path) -> None:
         flat.add(kind, name, part, path)
 
 
-def bound(value: Any, index: Mapping[str, int]) -> Any:
-    """A part, or a piece of one, with the index of its leg put into its expressions."""
+def bound(value: Any, names: Mapping[str, int | str]) -> Any:
+    """A part, or a piece of one, with names in its expressions replaced."""
     match value:
         case Expression():
-            return value.bind(index)
+            return value.bind(names)
         case Part():
             fields = type(value).model_fields
-            return value.model_copy(update={f: bound(getattr(value, f), index) for f in fields})
+            return value.model_copy(update={f: bound(getattr(value, f), names) for f in fields})
         case tuple():
-            return tuple(bound(item, index) for item in value)
+            return tuple(bound(item, names) for item in value)
         case dict():
-            return {key: bound(item, index) for key, item in value.items()}
+            return {key: bound(item, names) for key, item in value.items()}
     return value
 
 

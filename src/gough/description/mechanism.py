@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field, StringConstraints, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from gough.description.parts import (
     Body,
@@ -13,17 +13,11 @@ from gough.description.parts import (
     Joint,
     Leg,
     Name,
-    Parameter,
-    ParameterName,
+    Parameters,
     Part,
 )
 from gough.description.scalars import Vector
 from gough.errors import DescriptionError
-
-
-def _read_parameter(value: Any) -> Any:
-    """A bare number or list stands for a parameter that is not live."""
-    return value if isinstance(value, dict | Parameter) else {"value": value}
 
 
 class Description(Part):
@@ -40,9 +34,7 @@ class Description(Part):
     leg."""
     gravity: Vector = (0.0, 0.0, -9.81)
     """In base axes, m/s²."""
-    parameters: dict[ParameterName, Annotated[Parameter, BeforeValidator(_read_parameter)]] = Field(
-        default_factory=dict
-    )
+    parameters: Parameters = Field(default_factory=dict)
     base: Name = "base"
     """The body all poses refer to. It need not be listed unless it has mass and floats."""
     floating: bool = False
@@ -84,5 +76,5 @@ class Mechanism(Description):
         from gough.description.flat import KINDS, flatten
 
         flat = flatten(self)
-        parts = {kind: getattr(flat, kind) for kind in KINDS}
+        parts = {kind: getattr(flat, kind) for kind in ("parameters", *KINDS)}
         return Mechanism(**{**dict(self), **parts, "legs": {}})

@@ -80,6 +80,24 @@ class Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
 
+class Parameter(Part):
+    """A named number, or nested list of numbers, that expressions may use."""
+
+    value: Array
+    live: bool = False
+    """Whether it stays an input of every model, and so can change without a new one."""
+    unit: str = ""
+    about: str = ""
+
+
+def _read_parameter(value: Any) -> Any:
+    """A bare number or list stands for a parameter that is not live."""
+    return value if isinstance(value, dict | Parameter) else {"value": value}
+
+
+Parameters = dict[ParameterName, Annotated[Parameter, BeforeValidator(_read_parameter)]]
+
+
 class Frame(Part):
     """A frame on a body: where a joint or a constraint takes hold.
 
@@ -150,22 +168,13 @@ class Leg(Part):
     """Parts that belong together, written once and repeated.
 
     Parts get the leg's name in front, ``leg.pin``; with ``repeat`` the leg's number too,
-    ``leg1.pin`` … , and expressions may use the index ``i`` = 0, 1, … Names of bodies are looked
-    up in the leg first.
+    ``leg1.pin`` … , and expressions may use the index ``i`` = 0, 1, … Names of bodies, joints and
+    parameters are looked up in the leg first.
     """
 
     repeat: Annotated[int, Field(ge=1, le=1000, strict=True)] | None = None
+    parameters: Parameters = Field(default_factory=dict)
     bodies: dict[Name, Body] = Field(default_factory=dict)
     joints: dict[Name, Joint] = Field(default_factory=dict)
     constraints: dict[Name, Constraint] = Field(default_factory=dict)
     couplings: dict[Name, Coupling] = Field(default_factory=dict)
-
-
-class Parameter(Part):
-    """A named number, or nested list of numbers, that expressions may use."""
-
-    value: Array
-    live: bool = False
-    """Whether it stays an input of every model, and so can change without a new one."""
-    unit: str = ""
-    about: str = ""

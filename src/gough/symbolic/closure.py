@@ -51,7 +51,7 @@ class Closure:
     def __post_init__(self) -> None:
         edges = self.structure.edges
         self.q = SX.sym("q", sum(edge.type.coordinates for edge in edges))
-        parameters = self.structure.mechanism.parameters
+        parameters = self.structure.flat.parameters
         self.nominal = evaluate_parameters(parameters)
         self.live = {name: self.nominal[name] for name, part in parameters.items() if part.live}
         self.p = SX.sym("p", sum(_size(value) for value in self.live.values()))
