@@ -1,4 +1,4 @@
-"""One direction of dependence: a room uses only rooms below it; heavy imports stay in their rooms."""
+"""A room uses only rooms below it, and heavy imports stay in the rooms that need them."""
 
 import ast
 from pathlib import Path

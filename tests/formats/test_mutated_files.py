@@ -90,7 +90,7 @@ def changed_values(draw):
             parent = parent[key]
         match draw(st.sampled_from(["replace", "drop", "copy"])):
             case "replace":
-                parent[path[-1]] = draw(scalars)
+                parent[path[-1]] = copy.deepcopy(draw(scalars))
             case "drop":
                 del parent[path[-1]]
             case "copy":

@@ -1,4 +1,4 @@
-"""Other descriptions of the same mechanism: free links, chosen cuts, constraints, couplings, bases."""
+"""The same mechanism described otherwise: free links, cuts, constraints, couplings, bases."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def test_any_passive_joint_of_a_loop_may_be_cut(seed):
         try:
             other = Robot(Mechanism(**{**dict(robot.mechanism), "cut": (name,)}))
         except DescriptionError as error:
-            assert "would leave a body without a place" in str(error)  # noqa: PT017
+            assert "would leave a body without a place" in str(error)
             continue
         assert name in {closing.name for closing in other.structure.closings}
         assert mobility(other) == mobility(robot)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from gough.analysis.ranks import Linearisation, null_space
@@ -24,6 +23,8 @@ def by_svd(rates: Linearisation) -> Array:
 
 def by_qr(rates: Linearisation) -> Array:
     """O from the QR factors of N with column pivoting, (n, n - rank N)."""
+    import scipy.linalg
+
     if not rates.N.size:
         return np.eye(rates.N.shape[0])
     Q, R, _ = scipy.linalg.qr(rates.N, pivoting=True)
