@@ -71,7 +71,8 @@ def row(label: str, robot: Robot) -> str:
     found = robot.analyse()
     d, tests = found.defects, found.printed_tests
     numbers = [found.equations, found.mobility, d.RPM, d.RI, d.RO, d.II, d.IO]
-    marks = "".join("  + " if tests[key] else "  - " for key in ("eq5_m_ge_a", "eq8", "eq9", "eq10"))
+    shown = (tests[key] for key in ("eq5_m_ge_a", "eq8", "eq9", "eq10"))
+    marks = "".join("  + " if holds else "  - " for holds in shown)
     figures = "".join(f"{number:4d}" for number in numbers)
     return f"{label:<31}{figures}{found.redundant_equations:6d}   {marks}"
 

@@ -1,4 +1,4 @@
-"""Every robot of the catalogue: closed, heavy, regular at home, the same in both ways of modelling."""
+"""Every robot of the catalogue: closed, heavy, regular at home, the same either way."""
 
 import pytest
 

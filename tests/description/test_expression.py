@@ -118,5 +118,5 @@ def test_an_index_is_bound():
 
 
 def test_an_unknown_name_is_answered_with_the_closest():
-    with pytest.raises(ExpressionError, match="no parameter 'radius'. Did you mean 'radios'"):
+    with pytest.raises(ExpressionError, match=r"no parameter 'radius'\. Did you mean 'radios'"):
         Expression("radius").evaluate({"radios": 1.0})

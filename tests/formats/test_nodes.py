@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
 from unittest import mock
 
 import pytest
@@ -266,39 +265,31 @@ def test_the_number_of_values_is_limited(monkeypatch):
 
 
 @pytest.mark.parametrize("opening", ["[", "{", "- ", "? ", "[{a: ", "a:\n"])
-def test_ten_thousand_levels_are_refused_quickly(loader, opening):
-    start = time.perf_counter()
+def test_ten_thousand_levels_are_refused(loader, opening):
     problems(opening * 10_000)
-    assert time.perf_counter() - start < 1.0
 
 
 @pytest.mark.skipif(not yaml.__with_libyaml__, reason="the loader in Python is slow")
 @pytest.mark.parametrize("piece", ["- 1.25\n", "- [1, 2]\n", "- *a\n", "- 9e999\n", "-\n", "? -\n"])
-def test_a_file_of_the_largest_size_is_read_or_refused_within_seconds(piece):
-    start = time.perf_counter()
+def test_a_file_of_the_largest_size_is_read_or_refused(piece):
     raw = (piece * (nodes.MAX_BYTES // len(piece))).encode()
     assert len(problems(raw)) <= nodes.MAX_PROBLEMS + 1
-    assert time.perf_counter() - start < 5.0
 
 
 @pytest.mark.skipif(not yaml.__with_libyaml__, reason="the loader in Python is slow")
 @pytest.mark.parametrize("digit", ["7", ".7", "x", "é", "x\n  "])
-def test_a_scalar_of_the_largest_size_is_read_or_refused_within_seconds(digit):
-    start = time.perf_counter()
+def test_a_scalar_of_the_largest_size_is_read_or_refused(digit):
     size = nodes.MAX_BYTES // len(digit.encode()) - 4
     try:
         compose(f"a: {digit * size}".encode(), "robot.yaml")
     except DescriptionError as error:
         assert len(str(error)) < 200
-    assert time.perf_counter() - start < 5.0
 
 
 @pytest.mark.skipif(not yaml.__with_libyaml__, reason="the loader in Python is slow")
-def test_as_many_values_as_allowed_are_read_within_seconds():
-    start = time.perf_counter()
+def test_as_many_values_as_allowed_are_read():
     row = "- [" + "1.25, " * 98 + "2]\n"
     assert len(data(row * 1999)) == 1999
-    assert time.perf_counter() - start < 5.0
 
 
 # Refused values
