@@ -126,3 +126,30 @@ joints: {axle: {type: revolute, bodies: [base, hub]}}
     with pytest.raises(DescriptionError, match=r"spoke\.parameters\.mass: there is no") as caught:
         Source(wrong.encode(), "spokes.yaml").mechanism()
     assert {problem.line for problem in caught.value.problems} == {7}
+
+
+CIRCLE = """\
+name: spokes
+parameters: {R: a b}
+bodies: {hub: {mass: 1}}
+legs:
+  spoke:
+    repeat: 3
+    parameters: {x: x + 1, y: 2*x, turn: [0.1, 0.2], far: R}
+    joints:
+      pin: {type: universal, bodies: [base, hub], frames: [{point: [y, 0, far]}, {}], home: turn}
+"""
+
+
+def test_errors_that_follow_from_another_are_not_repeated():
+    with pytest.raises(DescriptionError) as caught:
+        Source(CIRCLE.encode(), "spokes.yaml").mechanism()
+    lines = str(caught.value).splitlines()
+    assert [line.split(":")[1:3] for line in lines] == [["2", "17"], ["7", "21"]]
+    assert "in a circle: spoke1.x → spoke1.x" in lines[1]
+
+
+def test_a_home_may_be_a_named_list():
+    right = CIRCLE.replace("a b", "0.5").replace("x + 1", "1")
+    robot = Robot(Source(right.encode(), "spokes.yaml").mechanism())
+    assert robot.models.closure.nominal["spoke2__turn"] == (0.1, 0.2)

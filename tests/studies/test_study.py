@@ -262,6 +262,14 @@ def test_the_command_names_what_was_changed(changes: dict[str, Any], options: st
     assert subject.repeating(load("2rpr", **changes)) == (f"gough study 2rpr{options}", True)
 
 
+def test_parameters_of_repeated_legs_share_a_row() -> None:
+    table = subject.section(Context(load("3-upu"))).blocks[-1]
+    assert isinstance(table, Table)
+    rows = {row[0]: row[1] for row in table.rows}
+    assert rows["leg.phi"] == "0, 2.0944, 4.18879"
+    assert rows["R"] == "1"
+
+
 def test_a_changed_robot_is_not_called_by_the_catalogue_name() -> None:
     changed = load("2rpr").mechanism.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
     assert subject.repeating(Robot(changed)) == ("gough study FILE.yaml", False)

@@ -81,8 +81,15 @@ class _Checker:
                 self.report(path, f"{path[-1]!r} has a meaning of its own", on_key=True)
         self.values = evaluate_parameters(
             self.flat.parameters,
-            report=lambda name, text: self.report(self.flat.paths["parameters", name], text),
+            report=self._report_parameter,
         )
+
+    def _report_parameter(self, name: str, text: str) -> None:
+        """Note that a parameter has no value; once for all repetitions of a leg."""
+        path = self.flat.paths["parameters", name]
+        known = any(problem.path == path for problem in self.problems)
+        if not known and not _names_any(text, self.broken):
+            self.report(path, text)
 
     def _check_names(self) -> None:
         for path, name in self.flat.clashes:
@@ -104,8 +111,8 @@ class _Checker:
 
     def _follows(self, error: Exception) -> bool:
         """Whether an error only repeats that a parameter has no value, which was reported."""
-        valueless = self.flat.parameters.keys() - self.values.keys()
-        return any(f"'{name}'" in str(error) for name in valueless)
+        valueless = self.flat.parameters.keys() - self.values.keys() | set(self.broken)
+        return _names_any(str(error), valueless)
 
     def _number(self, value: Any, path: Path, *lengths: int) -> Any:
         return self._value(path, lambda: vector(value, self.values, *lengths))
@@ -339,3 +346,8 @@ class _Checker:
             new = neighbours.get(body, set()) - seen
             seen |= new
             todo.extend(new)
+
+
+def _names_any(text: str, names: Collection[str]) -> bool:
+    """Whether a message quotes one of the names."""
+    return any(f"'{name}'" in text for name in names)

@@ -210,8 +210,13 @@ def _lookup(name: str, values: Mapping[str, Any]) -> Any:
     if name in CONSTANTS:
         return CONSTANTS[name]
     if name not in values:
-        raise ExpressionError(f"there is no parameter {name!r}.{closest(name, sorted(values))}")
+        raise ExpressionError(f"there is no parameter {name!r}.{_hint(name, values)}")
     return values[name]
+
+
+def _hint(name: str, values: Mapping[str, Any]) -> str:
+    """The closest known names, without those of legs, which have an underscore pair inside."""
+    return closest(name, sorted(known for known in values if "__" not in known))
 
 
 def _scalar(node: ast.expr, values: Mapping[str, Any]) -> Any:

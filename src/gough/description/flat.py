@@ -56,6 +56,8 @@ class Flat:
 
 BARS = {"length", "width", "bar_mass"}
 """Dimensions of a parallelogram whose bars are bodies."""
+OWN = "__"
+"""Between a leg's name and a parameter's, in the full name of a leg's own parameter."""
 KINDS = ("bodies", "joints", "constraints", "couplings")
 
 
@@ -88,7 +90,8 @@ def _add_leg(flat: Flat, name: str, leg: Leg, i: int) -> None:
 
 def _own_name(prefix: str, parameter: str) -> str:
     """The full name of a leg's parameter, which expressions can hold: leg1.q is leg1__q."""
-    return re.sub(r"\W", "_", prefix) + "__" + parameter
+    letters = re.sub(r"\W", lambda match: f"_{ord(match[0]):x}_", prefix)
+    return f"{letters}{OWN}{parameter}"
 
 
 def _add(flat: Flat, kind: str, name: str, part: Part, path: Path) -> None:
@@ -178,4 +181,6 @@ def _three(value: Any) -> tuple[Any, Any, Any]:
 def _minus(home: Any) -> Any:
     if home is None:
         return None
+    if isinstance(home, Expression):
+        return Expression(f"-({home})")
     return tuple(-x if isinstance(x, float) else Expression(f"-({x})") for x in home)

@@ -49,8 +49,8 @@ def read_vector(value: Any) -> tuple[float | Expression, ...] | Expression:
 
 
 def read_position(value: Any) -> tuple[float | Expression, ...] | Expression:
-    """A list of numbers; one number stands for a list of one."""
-    return read_vector(value if isinstance(value, list | tuple) else [value])
+    """A list of numbers, an expression that names one, or one number."""
+    return read_vector(value) if isinstance(value, list | tuple | str) else (read_scalar(value),)
 
 
 def read_array(value: Any) -> Any:

@@ -52,10 +52,10 @@ def evaluate_parameters(
         except ExpressionError as error:
             if report is None:
                 raise ExpressionError(f"parameter {name}: {error}") from None
-            members = set(error.names) if isinstance(error, _Circle) else {name}
-            if not members & reported:
-                report(name, str(error))
-            reported |= members
+            members = error.names if isinstance(error, _Circle) else [name]
+            if not reported.intersection(members):
+                report(members[0], str(error))
+            reported.update(members)
     return done
 
 
@@ -64,7 +64,8 @@ class _Circle(ExpressionError):
 
     def __init__(self, names: list[str]) -> None:
         self.names = names
-        super().__init__(f"the parameters refer to each other in a circle: {' → '.join(names)}")
+        ring = " → ".join(name.replace("__", ".") for name in names)
+        super().__init__(f"the parameters refer to each other in a circle: {ring}")
 
 
 class _Lazy(Mapping[str, Any]):
