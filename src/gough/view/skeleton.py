@@ -144,11 +144,11 @@ class _Reader:
 
 
 def current_values(robot: Robot) -> dict[str, Any]:
-    """Parameters by name, numbers and nested tuples of numbers; live ones as the robot has them."""
+    """Numbers and nested tuples of numbers by full name of parameter; live ones as now set."""
     numbers = iter(robot.assembler.p.tolist())
     live: Mapping[str, Any] = robot.models.closure.live
     given = {name: _filled(value, numbers) for name, value in live.items()}
-    return evaluate_parameters(robot.mechanism.parameters, given)
+    return evaluate_parameters(robot.structure.flat.parameters, given)
 
 
 def _filled(value: Any, numbers: Iterator[float]) -> Any:

@@ -11,8 +11,9 @@ from typing import Any
 
 from gough import catalogue
 from gough.description import Mechanism
+from gough.description.flat import Flat
 from gough.description.parts import Parameter
-from gough.errors import GoughError
+from gough.errors import GoughError, Path
 from gough.robot import Robot, load
 from gough.studies.context import Context
 from gough.studies.numbers import written
@@ -41,7 +42,7 @@ def section(context: Context) -> Section:
         text = "where FILE.yaml is the description; report.json holds it under “description”."
         blocks.append(Paragraph(text))
     values = current_values(context.robot)
-    blocks.append(_parameters(mechanism, values))
+    blocks.append(_parameters(structure.flat, values))
     data = {
         "name": mechanism.name,
         "about": mechanism.about,
@@ -53,22 +54,32 @@ def section(context: Context) -> Section:
         "characteristic_length": {"value": context.robot.assembler.length, "unit": "m"},
         "parameters": {
             name: {"value": values[name], "unit": part.unit, "live": part.live, "about": part.about}
-            for name, part in mechanism.parameters.items()
+            for name, part in structure.flat.parameters.items()
         },
         "description": json.loads(mechanism.model_dump_json(exclude_defaults=True)),
     }
     return Section("subject", "What was studied", blocks, data)
 
 
-def _parameters(mechanism: Mechanism, values: dict[str, Any]) -> Block:
-    parameters = mechanism.parameters
-    if not parameters:
+def _parameters(flat: Flat, values: dict[str, Any]) -> Block:
+    """A row for each parameter; those of a leg that is repeated have a value for each leg."""
+    if not flat.parameters:
         return Paragraph("The description has no parameters.")
-    rows = [
-        (name, _number(values[name]), part.unit, _meaning(part))
-        for name, part in parameters.items()
-    ]
-    return Table(("parameter", "value", "unit", "what"), rows, "Parameters.")
+    groups: dict[Path, list[str]] = {}
+    for name in flat.parameters:
+        groups.setdefault(flat.paths["parameters", name], []).append(name)
+    rows = []
+    for path, names in groups.items():
+        part = flat.parameters[names[0]]
+        shown = ", ".join(_number(values[name]) for name in names)
+        title = names[0] if path[0] == "parameters" else f"{path[1]}.{path[-1]}"
+        rows.append((title, shown, part.unit, _meaning(part)))
+    caption = "Parameters."
+    if any(len(names) > 1 for names in groups.values()):
+        caption = (
+            "Parameters; those of a repeated leg, written with its name, have a value for each."
+        )
+    return Table(("parameter", "value", "unit", "what"), rows, caption)
 
 
 def _meaning(part: Parameter) -> str:
