@@ -149,6 +149,12 @@ def test_errors_that_follow_from_another_are_not_repeated():
     assert "in a circle: spoke1.x → spoke1.x" in lines[1]
 
 
+def test_names_of_functions_are_taken_in_legs_too():
+    wrong = CIRCLE.replace("{x: x + 1", "{sqrt: 1, x: sqrt(2)").replace("a b", "1")
+    with pytest.raises(DescriptionError, match="'sqrt' has a meaning of its own"):
+        Source(wrong.encode(), "spokes.yaml").mechanism()
+
+
 def test_a_home_may_be_a_named_list():
     right = CIRCLE.replace("a b", "0.5").replace("x + 1", "1")
     robot = Robot(Source(right.encode(), "spokes.yaml").mechanism())

@@ -123,7 +123,13 @@ class _Bind(ast.NodeTransformer):
     def __init__(self, values: Mapping[str, int | str]) -> None:
         self.values = values
 
+    def visit_Call(self, node: ast.Call) -> ast.expr:
+        """Only the arguments: the name of a function is none of ours."""
+        node.args = [self.visit(arg) for arg in node.args]
+        return node
+
     def visit_Name(self, node: ast.Name) -> ast.expr:
+        """The name itself, or what stands for it."""
         value = self.values.get(node.id)
         if isinstance(value, str):
             return ast.Name(value)
