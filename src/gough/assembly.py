@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gough.description import Frame
 from gough.description.frames import transform
-from gough.description.values import vector
+from gough.description.values import Values, vector
 from gough.errors import ClosureError
 from gough.joints import Free
 from gough.models import Models
@@ -62,14 +62,18 @@ class Assembler:
     """Closes the loops of one mechanism for given live parameters.
 
     Attributes:
+        values: every parameter as a number, live ones as given.
+        start: the described positions of the joints of the tree, neutral where there are none.
+        given: which variables have a described position.
         length: the characteristic length, m: root mean square distance of the joints from their
             centroid at the start, 1 if they are all at one point.
     """
 
     def __init__(self, models: Models, p: Array) -> None:
         self.models, self.p = models, p
-        self.start, self.given = _start(models)
-        self.length = characteristic_length(models, self.start, p)
+        self.values = models.parameter_values(p)
+        self.start, self.given = _start(models, self.values)
+        self.length = self._characteristic_length()
 
     # scaled equations
 
@@ -82,6 +86,27 @@ class Assembler:
     def rate_scale(self) -> Array:
         """What a rate is a multiple of: the characteristic length, or 1 rad."""
         return np.where(self.models.rate_is_length, self.length, 1.0)
+
+    @property
+    def position_scale(self) -> Array:
+        """What each number of a configuration is a multiple of: the length, or 1."""
+        return np.where(self.models.position_is_length, self.length, 1.0)
+
+    def _characteristic_length(self) -> float:
+        structure = self.models.structure
+        found = self.models.poses(self.start, self.p)
+        poses = dict(zip(structure.bodies, found, strict=True)) | {structure.root: np.eye(4)}
+        points = []
+        for part in structure.flat.links:
+            for body, frame in zip(part.bodies, part.frames, strict=True):
+                _, origin = transform(frame, self.values)
+                if body in poses:
+                    points.append((poses[body] @ np.array([*origin, 1.0]))[:3])
+        if not points:
+            return 1.0
+        spread = np.array(points) - np.mean(points, axis=0)
+        length = float(np.sqrt(np.mean(np.sum(spread**2, axis=1))))
+        return length if length > 1e-12 else 1.0
 
     def scaled_jacobian(self, q: Array) -> Array:
         """E with lengths divided by the characteristic length, so that its entries compare."""
@@ -226,37 +251,20 @@ def _tangent(E: Array, direction: Array) -> Array:
     return np.asarray(direction - kept.T @ (kept @ direction))
 
 
-def _start(models: Models) -> tuple[Array, Mask]:
+def _start(models: Models, values: Values) -> tuple[Array, Mask]:
     """Described positions, neutral where there are none, and which variables were described."""
     q: list[float] = []
     given: list[bool] = []
     for edge in models.structure.edges:
-        q.extend(_position(models, edge))
+        q.extend(_position(edge, values))
         given.extend([edge.home is not None] * edge.type.freedoms)
     return np.array(q, dtype=float), np.array(given, dtype=bool)
 
 
-def _position(models: Models, edge: Edge) -> tuple[float, ...]:
+def _position(edge: Edge, values: Values) -> tuple[float, ...]:
     if edge.home is None:
         return edge.type.neutral()
     if isinstance(edge.home, Frame):
         assert isinstance(edge.type, Free)
-        return edge.type.from_pose(transform(edge.home, models.closure.nominal))
-    return edge.type.position(vector(edge.home, models.closure.nominal, *edge.type.written))
-
-
-def characteristic_length(models: Models, q: Array, p: Array) -> float:
-    """Root mean square distance of the joints from their centroid, m; 1 if that is zero."""
-    poses = dict(zip(models.structure.bodies, models.poses(q, p), strict=True))
-    poses[models.structure.root] = np.eye(4)
-    points = []
-    for part in models.structure.flat.links:
-        for body, frame in zip(part.bodies, part.frames, strict=True):
-            _, origin = transform(frame, models.closure.nominal)
-            if body in poses:
-                points.append(poses[body] @ np.array([*origin, 1.0]))
-    if not points:
-        return 1.0
-    spread = np.array(points)[:, :3]
-    length = float(np.sqrt(np.mean(np.sum((spread - spread.mean(axis=0)) ** 2, axis=1))))
-    return length if length > 1e-12 else 1.0
+        return edge.type.from_pose(transform(edge.home, values))
+    return edge.type.position(vector(edge.home, values, *edge.type.written))

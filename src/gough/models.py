@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough.algebra import Scalar
+from gough.description.values import evaluate_parameters
 from gough.errors import ConfigurationError, UnknownName
 from gough.kernels import Kernel
-from gough.symbolic.closure import Closure
+from gough.symbolic.closure import Closure, filled
 from gough.topology import Structure
 
 Array = NDArray[np.float64]
@@ -95,6 +96,12 @@ class Models:
             parts.append(new.ravel())
         return np.concatenate(parts) if parts else np.zeros(0)
 
+    def parameter_values(self, p: Array) -> dict[str, Any]:
+        """Every parameter as a number or nested tuples of numbers, live ones from p."""
+        numbers = iter(p.tolist())
+        given = {name: filled(value, numbers) for name, value in self.closure.live.items()}
+        return evaluate_parameters(self.structure.flat.parameters, given)
+
     def retract(self, q: Array, step: Array) -> Array:
         """The configuration reached from q by rates ``step`` held for a unit of time."""
         out, start = np.empty_like(q), 0
@@ -113,6 +120,16 @@ class Models:
     def rate_is_length(self) -> Array:
         """1 for each variable in m, 0 for an angle."""
         return np.array([float(v.unit == "m") for v in self.structure.variables])
+
+    @cached_property
+    def position_is_length(self) -> Array:
+        """1 for each number of a configuration in m, 0 for angles and quaternions."""
+        marks: list[float] = []
+        for edge in self.structure.edges:
+            own = [float(unit == "m") for unit in edge.type.rates]
+            # a quaternion stands last and has one number more than rates
+            marks += own + [0.0] * (edge.type.coordinates - len(own))
+        return np.array(marks)
 
 
 def _homogeneous(R: Any, p: tuple[Scalar, ...]) -> casadi.SX:

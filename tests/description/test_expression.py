@@ -13,7 +13,9 @@ NAMES = {"a": 1.5, "b": -0.25, "R": 2.0}
 MATHS = {name: getattr(math, name) for name in FUNCTIONS} | {"pi": math.pi}
 
 leaves = st.one_of(
-    st.integers(0, 99).map(str), st.floats(0, 1e6).map(repr), st.sampled_from([*NAMES, "pi"])
+    st.integers(0, 99).map("{}.0".format),
+    st.floats(0, 1e6).map(repr),
+    st.sampled_from([*NAMES, "pi"]),
 )
 
 

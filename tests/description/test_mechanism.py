@@ -159,3 +159,13 @@ def test_a_home_may_be_a_named_list():
     right = CIRCLE.replace("a b", "0.5").replace("x + 1", "1")
     robot = Robot(Source(right.encode(), "spokes.yaml").mechanism())
     assert robot.models.closure.nominal["spoke2__turn"] == (0.1, 0.2)
+
+
+def test_a_live_parameter_moves_home_and_scale():
+    text = CIRCLE.replace("{R: a b}", "{R: {value: 0.5, live: true}}").replace("x + 1", "R")
+    text = text.replace("turn: [0.1, 0.2]", "turn: [R, 0]").replace("y: 2*x", "y: 2*x*i")
+    mechanism = Source(text.encode(), "spokes.yaml").mechanism()
+    small, large = Robot(mechanism), Robot(mechanism, live={"R": 0.75})
+    assert large.assembler.length / small.assembler.length == pytest.approx(1.5)
+    assert 0.75 in large.assembler.start
+    assert 0.5 not in large.assembler.start

@@ -30,7 +30,7 @@ class Motions:
     def __init__(self, assembler: Assembler, q: Array, rates: Linearisation) -> None:
         models = assembler.models
         self.structure, self.rates, self.length = models.structure, rates, assembler.length
-        self.nominal = models.closure.nominal
+        self.values = assembler.values
         self.rate_scale = assembler.rate_scale
         bodies = self.structure.bodies
         self.poses = dict(zip(bodies, models.poses(q, assembler.p), strict=True))
@@ -112,7 +112,7 @@ class Motions:
             inside = [body in bodies for body in part.bodies]
             if sum(inside) == 1:
                 k = inside.index(True)
-                _, origin = transform(part.frames[k], self.nominal)
+                _, origin = transform(part.frames[k], self.values)
                 ends.append((self.poses[part.bodies[k]] @ np.array([*origin, 1.0]))[:3])
         return ends
 

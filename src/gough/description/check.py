@@ -9,8 +9,8 @@ from typing import Any
 from gough import algebra as al
 from gough.description.expression import RESERVED, ExpressionError
 from gough.description.flat import Flat, flatten
+from gough.description.form import Description
 from gough.description.frames import FrameError, transform
-from gough.description.mechanism import Description
 from gough.description.parts import Body, Constraint, Frame, Joint
 from gough.description.values import evaluate_parameters, scalar, vector
 from gough.errors import Path, Problem, closest

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from gough.description.expression import Expression
-from gough.description.mechanism import Description
+from gough.description.form import Description
 from gough.description.parts import (
     Body,
     Constraint,

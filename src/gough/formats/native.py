@@ -11,7 +11,7 @@ from pydantic_core import ErrorDetails
 
 from gough.description import Mechanism
 from gough.description.check import problems_of
-from gough.description.mechanism import Description
+from gough.description.form import Description
 from gough.errors import DescriptionError, Path, Problem, UnknownName, closest
 from gough.formats.nodes import MAX_BYTES, Document, compose
 

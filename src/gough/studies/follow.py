@@ -39,7 +39,7 @@ class Follower:
         self.held = np.zeros(len(self.models.structure.variables), dtype=bool)
         self.held[list(held)] = True
         self.whole = [k for k in range(len(self.models.structure.edges)) if self._is_held(k)]
-        self.position_scale = position_scale(assembler)
+        self.position_scale = assembler.position_scale
 
     def move(self, q: Array, at: Array, to: Array) -> Array | None:
         """The configuration at a displacement, or None if this assembly does not reach it.
@@ -104,16 +104,3 @@ class Follower:
             self.held[k] for k, v in enumerate(self.models.structure.variables) if v.edge == edge
         ]
         return bool(own) and all(own)
-
-
-def position_scale(assembler: Assembler) -> Array:
-    """What each position is a multiple of: the characteristic length, 1 rad or 1, (positions,)."""
-    scale: list[float] = []
-    for edge in assembler.models.structure.edges:
-        units = list(edge.type.rates)
-        lengths = units.count("m")
-        if edge.type.coordinates == len(units):
-            scale += [assembler.length if unit == "m" else 1.0 for unit in units]
-        else:  # a quaternion stands last
-            scale += [assembler.length] * lengths + [1.0] * (edge.type.coordinates - lengths)
-    return np.array(scale)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -56,7 +56,7 @@ class Closure:
         self.live = {name: self.nominal[name] for name, part in parameters.items() if part.live}
         self.p = SX.sym("p", sum(_size(value) for value in self.live.values()))
         symbols = iter([self.p[k] for k in range(self.p.numel())])
-        given = {name: _shaped_like(value, symbols) for name, value in self.live.items()}
+        given = {name: filled(value, symbols) for name, value in self.live.items()}
         self.values = evaluate_parameters(parameters, given)
 
     # placement
@@ -254,10 +254,11 @@ def _size(value: Any) -> int:
     return sum(map(_size, value)) if isinstance(value, tuple) else 1
 
 
-def _shaped_like(value: Any, symbols: Any) -> Any:
+def filled(value: Any, scalars: Iterator[Scalar]) -> Any:
+    """The next scalars, in the shape of a value."""
     if isinstance(value, tuple):
-        return tuple(_shaped_like(item, symbols) for item in value)
-    return next(symbols)
+        return tuple(filled(item, scalars) for item in value)
+    return next(scalars)
 
 
 def _slices(lengths: Any) -> tuple[slice, ...]:

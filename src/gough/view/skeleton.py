@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gough.description.frames import transform
 from gough.description.parts import Constraint, Joint
-from gough.description.values import evaluate_parameters, scalar
+from gough.description.values import scalar
 from gough.robot import Robot
 
 Array = NDArray[np.float64]
@@ -86,7 +86,7 @@ class _Reader:
     def __init__(self, robot: Robot, q: Array) -> None:
         self.structure, self.mechanism = robot.structure, robot.mechanism
         self.length = robot.assembler.length
-        self.values = current_values(robot)
+        self.values = robot.assembler.values
         poses = robot.models.poses(q, robot.assembler.p)
         self.poses = dict(zip(self.structure.bodies, poses, strict=True))
         self.poses[self.structure.root] = np.eye(4)
@@ -141,18 +141,3 @@ class _Reader:
         if kind in SLIDING and apart:
             return np.array([a[:3, 3], b[:3, 3]])
         return np.zeros((0, 3))
-
-
-def current_values(robot: Robot) -> dict[str, Any]:
-    """Numbers and nested tuples of numbers by full name of parameter; live ones as now set."""
-    numbers = iter(robot.assembler.p.tolist())
-    live: Mapping[str, Any] = robot.models.closure.live
-    given = {name: _filled(value, numbers) for name, value in live.items()}
-    return evaluate_parameters(robot.structure.flat.parameters, given)
-
-
-def _filled(value: Any, numbers: Iterator[float]) -> Any:
-    """The next numbers, in the shape of a value."""
-    if isinstance(value, tuple):
-        return tuple(_filled(item, numbers) for item in value)
-    return next(numbers)

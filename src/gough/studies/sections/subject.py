@@ -18,7 +18,6 @@ from gough.robot import Robot, load
 from gough.studies.context import Context
 from gough.studies.numbers import written
 from gough.studies.report import Block, Command, Paragraph, Section, Table
-from gough.view.skeleton import current_values
 
 
 def section(context: Context) -> Section:
@@ -41,7 +40,7 @@ def section(context: Context) -> Section:
     if not whole:
         text = "where FILE.yaml is the description; report.json holds it under “description”."
         blocks.append(Paragraph(text))
-    values = current_values(context.robot)
+    values = context.robot.assembler.values
     blocks.append(_parameters(structure.flat, values))
     data = {
         "name": mechanism.name,
