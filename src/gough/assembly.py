@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,12 +78,21 @@ class Assembler:
 
     # scaled equations
 
-    @property
+    @cached_property
     def row_scale(self) -> Array:
-        """Factor of each row: lengths are divided by the characteristic length."""
-        return np.where(self.models.row_is_length, 1 / self.length, 1.0)
+        """Factor of each row: lengths are divided by the characteristic length.
 
-    @property
+        A coupling may be written in any unit, a gear as rad or as m, so its factors are brought
+        to norm one.
+        """
+        scale = np.where(self.models.row_is_length, 1 / self.length, 1.0)
+        E = self.models.jacobian(self.start, self.p) * self.rate_scale
+        for block in self.models.closure.blocks:
+            if block.kind == "coupling":
+                scale[block.rows] = 1 / (float(np.linalg.norm(E[block.rows])) or 1.0)
+        return scale
+
+    @cached_property
     def rate_scale(self) -> Array:
         """What a rate is a multiple of: the characteristic length, or 1 rad."""
         return np.where(self.models.rate_is_length, self.length, 1.0)

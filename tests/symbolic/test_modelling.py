@@ -104,7 +104,7 @@ def test_constraints_close_loops_like_joints(closing, motion, equations, mobilit
     assert counts == (equations, mobility_, redundant)
 
 
-def train(**coupling):
+def train(size=1.0, **coupling):
     """Two wheels on the base, and a rack."""
     return Robot(
         Mechanism(
@@ -112,7 +112,11 @@ def train(**coupling):
             bodies={"big": Body(), "small": Body(), "rack": Body()},
             joints={
                 "big": Joint(type="revolute", bodies=("base", "big"), actuated=True, home=0.3),
-                "small": Joint(type="revolute", bodies=("base", "small")),
+                "small": Joint(
+                    type="revolute",
+                    bodies=("base", "small"),
+                    frames=(Frame(point=(size, 0, 0)), Frame()),
+                ),
                 "rack": Joint(type="prismatic", bodies=("base", "rack")),
             },
             couplings=coupling,
@@ -182,3 +186,14 @@ def test_an_unreachable_home_says_what_gave_way():
     assert robot.home.assembly.moved == ()
     assert set(moved.home.assembly.moved) >= {"point.x", "point.y"}
     assert any("gave way" in warning for warning in moved.analyse().warnings)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e5])
+@pytest.mark.parametrize("factor", [1e-3, 1.0, 1e4])
+def test_the_unit_a_coupling_is_written_in_changes_no_rank(size, factor):
+    """A pinion on a rack of any size, its equation multiplied by any number."""
+    terms = {"small": 0.05 * size * factor, "rack": -factor}
+    robot = train(size=size, pinion=Coupling(terms=terms))
+    found = robot.analyse()
+    assert (found.mobility, found.redundant_equations) == (2, 0)
+    assert found.rates.gap > 1e9

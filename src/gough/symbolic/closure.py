@@ -14,7 +14,7 @@ from gough.algebra import Scalar, Transform
 from gough.description.frames import transform
 from gough.description.values import Values, evaluate_parameters, scalar
 from gough.joints import TYPES
-from gough.joints.base import Dimensions, Row, Twist, Unit
+from gough.joints.base import Dimensions, Row, Twist
 from gough.joints.constraints import CONSTRAINTS
 from gough.topology import Closing, Edge, Structure
 
@@ -154,16 +154,14 @@ class Closure:
         return (*rows, *(self._coupling(name) for name in self.structure.flat.couplings))
 
     def _coupling(self, name: str) -> Row:
-        """sum of factor × position - offset."""
+        """sum of factor × position - offset, in whatever unit the factors were written for."""
         coupling = self.structure.flat.couplings[name]
         index = {edge.name: k for k, edge in enumerate(self.structure.edges)}
         residual: Scalar = al.mul(-1.0, scalar(coupling.offset, self.values))
-        units: set[Unit] = set()
         for joint, factor in coupling.terms.items():
             k = index[joint]
             residual = al.add(residual, al.mul(scalar(factor, self.values), self.position(k)[0]))
-            units.update(self.structure.edges[k].type.rates)
-        return Row(residual, "m" if units == {"m"} else "rad")
+        return Row(residual, "rad")
 
     @cached_property
     def residual(self) -> SX:
