@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gough import Robot
+from gough import Robot, load
 from gough import algebra as al
 from gough.analysis import elimination, ranks
 from gough.description import Frame, Mechanism
@@ -195,6 +195,13 @@ def test_the_unit_of_length_changes_no_rank(seed):
     assert facts(robot) == facts(
         Robot(Mechanism(**{**dict(m), "joints": joints, "bodies": bodies}))
     )
+
+
+def test_an_isolated_assembly_has_no_other_configuration():
+    """A five-bar stretched out flat has three instantaneous freedoms and can not move."""
+    found = load("five-bar", d=2.6, x=1.3, y=0, q=[0, np.pi]).analyse()
+    assert (found.mobility, found.generic.samples) == (3, 0)
+    assert any("it may be isolated" in warning for warning in found.warnings)
 
 
 def test_a_point_of_a_frame_may_be_left_out():

@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 
 SAMPLES = 8
 """Random closed configurations that generic values are taken from."""
+SHARP = 1e-6
+"""A configuration whose ranks rest on a smaller singular value is no witness of generic ranks: near
+a singular root, which is known to 1e-8 at best, such a value may be an error of position."""
 CLEAR_GAP = 1e3
 """A smaller gap in the singular values means that a rank is a matter of opinion."""
 
@@ -275,6 +278,8 @@ def _generic(
         if other is None:
             continue
         there = rk.linearise(assembler, other)
+        if there.margin < SHARP:
+            continue
         seen.append((there.ranks, Motions(assembler, other, there).platform_rank()))
     best = seen[0][0]
     for ranks, _ in seen:

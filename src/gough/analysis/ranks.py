@@ -6,6 +6,7 @@ under-actuated, overconstrained or at a singularity.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 
@@ -68,14 +69,23 @@ class Linearisation:
         A dropped value below rounding counts as rounding, so the gap is finite.
         """
         floor = max(ROUNDING * spectral_norm(self.E), np.finfo(float).tiny)
+        gaps = [kept / max(dropped, floor) for kept, dropped in self._edges()]
+        return min(gaps, default=1 / ROUNDING)
+
+    @cached_property
+    def margin(self) -> float:
+        """Smallest singular value that any of the four ranks keeps, over the largest of E."""
+        largest = spectral_norm(self.E)
+        return min((kept / largest for kept, _ in self._edges()), default=1.0)
+
+    def _edges(self) -> Iterator[tuple[float, float]]:
+        """Smallest kept and largest dropped singular value of each block with a rank."""
         M, N, K = self.M, self.N, self.K
-        gaps = []
         for blocks in ((N,), (M, N), (N, K), (M, N, K)):
             s = singular_values(*blocks)
             kept, dropped = s[s > self.threshold], s[s <= self.threshold]
             if kept.size:
-                gaps.append(float(kept.min()) / max(float(dropped.max(initial=0.0)), floor))
-        return min(gaps, default=1 / ROUNDING)
+                yield float(kept.min()), float(dropped.max(initial=0.0))
 
     @cached_property
     def kernel(self) -> Array:
