@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gough import Mechanism, Robot, load
+from gough import algebra as al
 from gough.analysis import elimination
 
 DATA = Path(__file__).parents[1] / "data" / "systematic.json"
@@ -218,3 +219,40 @@ def test_passive_rates(case, robot):
     found = robot.passive_velocity().matrix
     found = in_reference_order(case, robot, found) @ outputs_to_ours(case)
     np.testing.assert_allclose(found, case["qp_dot_from_x_dot"], atol=1e-9)
+
+
+def rotation(axis, angle):
+    return np.array(al.rotation_about(axis, angle), dtype=float)
+
+
+def test_passive_rates_of_the_delta_with_bars():
+    """The bars' angles are measured from the base there: their directions and rates compare."""
+    case = next(case for case in CASES if case["robot"] == "Delta SS bars")
+    robot = robot_of(case)
+    structure, q, p = robot.structure, robot.home.q, robot.assembler.p
+    rates = np.zeros((len(structure.variables), 3))
+    rates[structure.columns("operational")] = np.eye(3)
+    rates[structure.columns("actuated")] = robot.inverse_velocity().matrix
+    rates[structure.columns("passive")] = robot.passive_velocity().matrix
+    poses, jacobians = robot.models.poses(q, p), robot.models.body_jacobians(q, p)
+    expected_rates = np.array(case["qp_dot_from_x_dot"])
+    for k in range(6):
+        body = structure.bodies.index(f"leg{k // 2 + 1}.bar{k % 2 + 1}")
+        direction, spin = poses[body][:3, 2], jacobians[body][3:] @ rates
+        alpha, beta = case["qp"][2 * k : 2 * k + 2]
+        leg, X, Y = (
+            rotation("z", 2 * np.pi * (k // 2) / 3),
+            rotation("x", alpha),
+            rotation("y", beta),
+        )
+        expected = leg @ X @ Y @ [0, 0, -1]
+        np.testing.assert_allclose(direction, expected, atol=1e-9)
+        axes = np.column_stack([leg @ [1, 0, 0], leg @ X @ [0, 1, 0]])
+        expected_spin = axes @ expected_rates[2 * k : 2 * k + 2]
+        for found, wanted in zip(spin.T, expected_spin.T, strict=True):
+            change, expected_change = np.cross(found, direction), np.cross(wanted, expected)
+            np.testing.assert_allclose(change, expected_change, atol=1e-9)
+    platform = [f"platform.{r}" for r in ("rx", "ry", "rz")]
+    names = [v.name for v in structure.variables]
+    turning = rates[[names.index(name) for name in platform]]
+    np.testing.assert_allclose(turning, expected_rates[12:], atol=1e-9)
