@@ -204,5 +204,12 @@ def test_an_isolated_assembly_has_no_other_configuration():
     assert any("it may be isolated" in warning for warning in found.warnings)
 
 
+def test_a_singular_home_found_by_a_search_is_not_called_regular_without_a_word():
+    found = load("five-bar", d=2.6, x=1.3, y=0, q=[0.01, 3.13]).analyse()
+    assert found.assembly.steps > 0
+    assert found.rates.margin < 1e-6
+    assert any("next to a singularity" in warning for warning in found.warnings)
+
+
 def test_a_point_of_a_frame_may_be_left_out():
     assert numbers(transform(Frame(), {})) == al.HERE

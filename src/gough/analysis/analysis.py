@@ -160,6 +160,12 @@ class Analysis:
                 f"the smallest singular value kept is only {self.rates.gap:.3g} times the largest "
                 "dropped: a rank here is not clear-cut"
             )
+        if self.rates.margin < SHARP:
+            found.append(
+                f"a rank here rests on a singular value of {self.rates.margin:.1e} times the "
+                "largest: the configuration is next to a singularity, or is one that was found "
+                "only to rounding; give its home exactly to tell"
+            )
         if self.generic.samples == 0 and self.counts.total:
             found.append(
                 "no other closed configuration was found near this one: it may be isolated, and "
