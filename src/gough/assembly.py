@@ -24,7 +24,9 @@ Mask = NDArray[np.bool_]
 
 TOLERANCE = 1e-12
 """Largest residual of a closed loop: sines, and lengths over the characteristic length."""
-RESTARTS = 12
+KEPT, GUESS = 1e-9, 0.1
+"""Changes up to which a given value is kept, a guessed one near; rad, characteristic lengths."""
+RESTARTS = 6
 """Starts with perturbed passive joints that are tried when the described one does not close."""
 
 
@@ -43,7 +45,9 @@ class Assembly:
     worst: str
     """Where the largest residual is: the joint and its loop."""
     moved: tuple[str, ...]
-    """Motors and coordinates of the platform whose described values had to give way."""
+    """Motors and outputs whose described values had to give way."""
+    reversed: bool = False
+    """Whether the largest gap is that of a joint turned to its reverse side."""
 
     def require(self) -> Assembly:
         """Self if every loop is closed.
@@ -53,6 +57,11 @@ class Assembly:
         """
         if self.ending is Ending.closed:
             return self
+        if self.reversed:
+            raise ClosureError(
+                f"does not close: {self.worst} is turned to its reverse side; give its frames or a "
+                "home on the other side"
+            )
         raise ClosureError(
             f"does not close: the largest gap is {self.residual:.3g} (m, or sine of an angle) at "
             f"{self.worst}; {self.ending.value}"
@@ -123,7 +132,7 @@ class Assembler:
         E = self.models.jacobian(q, self.p)
         return np.asarray(self.row_scale[:, None] * E * self.rate_scale)
 
-    def close(self, q: Array, held: Mask | None = None, max_steps: int = 200) -> newton.Solution:
+    def close(self, q: Array, held: Mask | None = None, max_steps: int = 120) -> newton.Solution:
         """Close the loops from q.
 
         Args:
@@ -134,10 +143,16 @@ class Assembler:
         free = np.ones(len(self.models.structure.variables), dtype=bool)
         if held is not None:
             free &= ~held
+
+        def moved(at: Array, step: Array) -> Array:
+            rates = np.zeros(len(free))
+            rates[free] = step * self.rate_scale[free]
+            return self.models.retract(at, rates)
+
         return newton.solve(
             self._gaps,
-            lambda at: self._gap_slopes(at) * free,
-            lambda at, step: self.models.retract(at, self.rate_scale * step),
+            lambda at: self._gap_slopes(at)[:, free],
+            moved,
             q,
             TOLERANCE,
             max_steps,
@@ -171,11 +186,11 @@ class Assembler:
                 solution = self.close(q, held)
                 steps += solution.steps
                 if solution.ending is Ending.closed:
-                    return self._assembly(solution, steps, restart, held)
+                    return self._assembly(solution, steps, restart)
                 if best is None or solution.gap < best.gap:
                     best = solution
         assert best is not None
-        return self._assembly(best, steps, RESTARTS, self.given)
+        return self._assembly(best, steps, RESTARTS)
 
     def _holds(self) -> Iterator[Mask]:
         """Which variables to keep, from the most to none."""
@@ -193,29 +208,48 @@ class Assembler:
         yield np.zeros(len(self.given), dtype=bool)
 
     def _perturbed(self, rng: np.random.Generator) -> Array:
+        """The start with passive joints moved, those without a given value far more."""
         step = rng.uniform(-1.0, 1.0, size=len(self.given)) * self.rate_scale
-        return self.models.retract(self.start, np.where(self.given, 0.05, 1.0) * step)
+        step *= np.where(self.given, 0.05, 1.0)
+        step[self.given & self._promised] = 0.0
+        return self.models.retract(self.start, step)
 
-    def _assembly(
-        self, solution: newton.Solution, steps: int, restarts: int, held: Mask
-    ) -> Assembly:
+    @cached_property
+    def _promised(self) -> Mask:
+        """Which variables are motors or outputs."""
+        promised = np.zeros(len(self.given), dtype=bool)
+        structure = self.models.structure
+        promised[structure.columns("actuated") + structure.columns("operational")] = True
+        return promised
+
+    def _assembly(self, solution: newton.Solution, steps: int, restarts: int) -> Assembly:
         F = np.abs(self.models.residual(solution.q, self.p))
         gaps = np.abs(self._gaps(solution.q))
         worst = self._place_of(int(np.argmax(gaps))) if gaps.size else ""
-        if gaps.size and int(np.argmax(gaps)) >= F.size:
-            worst += ", which is turned to its reverse side"
+        turned = gaps.size > 0 and int(np.argmax(gaps)) >= F.size
         largest = float(F.max(initial=0.0))
-        moved = () if steps == 0 else self._given_way(held)
-        return Assembly(solution.q, largest, steps, restarts, solution.ending, worst, moved)
+        moved, ending = self._given_way(solution.q), solution.ending
+        return Assembly(solution.q, largest, steps, restarts, ending, worst, moved, turned)
 
-    def _given_way(self, held: Mask) -> tuple[str, ...]:
-        """Names of the motors and coordinates of the platform that were described and not kept."""
+    def _given_way(self, q: Array) -> tuple[str, ...]:
+        """Names of the motors and outputs that are not where the description puts them.
+
+        The home of a joint that is an output often is a guess, so a small change of it counts for
+        nothing.
+        """
         structure = self.models.structure
-        promised = structure.columns("actuated")
-        if structure.platform_is_output:
-            promised = promised + structure.columns("operational")
-        lost = [k for k in promised if self.given[k] and not held[k]]
-        return tuple(structure.variables[k].name for k in sorted(lost))
+        away = np.abs((q - self.start) / self.position_scale)
+        lost = []
+        for k in sorted(structure.columns("actuated") + structure.columns("operational")):
+            variable = structure.variables[k]
+            edge, part = structure.edges[variable.edge], self.models.closure.slices[variable.edge]
+            shift = away[part]
+            single = edge.type.coordinates == edge.type.freedoms or variable.unit == "m"
+            change = shift[variable.freedom] if single else shift[-4:].max()
+            guess = variable.role == "operational" and edge.name in structure.flat.joints
+            if self.given[k] and change > (GUESS if guess else KEPT):
+                lost.append(variable.name)
+        return tuple(lost)
 
     def _place_of(self, gap: int) -> str:
         """The closing that a gap belongs to, and the joints of its loop."""
@@ -229,12 +263,15 @@ class Assembler:
 
     # elsewhere
 
+    def distance(self, q: Array, other: Array) -> float:
+        """Largest change of a position between two configurations: rad, characteristic lengths."""
+        return float(np.max(np.abs((q - other) / self.position_scale), initial=0.0))
+
     def wander(self, q: Array, rng: np.random.Generator, reach: float = 0.5) -> Array | None:
         """Another closed configuration of the same assembly, or None if none was found.
 
         Small random steps along the mechanism's motions, each closed again, so that the walk
-        stays on the side it starts from. A configuration counts only if its root is sharp: at a
-        singular root a small residual says little about the distance to it.
+        stays on the side it starts from.
         """
         direction = rng.normal(size=len(self.given))
         moved = None
@@ -246,7 +283,7 @@ class Assembler:
             step *= reach / 4 * np.sqrt(len(step)) / max(size, 1e-12)
             step *= min(1.0, 0.25 / float(np.max(np.abs(step))))
             solution = self.close(self.models.retract(q, self.rate_scale * step), max_steps=40)
-            if solution.ending is not Ending.closed or solution.last_step > 1e-6:
+            if solution.ending is not Ending.closed:
                 return moved
             q = moved = solution.q
         return moved

@@ -25,6 +25,7 @@ class Models:
     def __init__(self, structure: Structure) -> None:
         self.structure = structure
         self.closure = Closure(structure)
+        self._body_jacobians: dict[str, Kernel] = {}
 
     @cached_property
     def residual(self) -> Kernel:
@@ -56,13 +57,12 @@ class Models:
         output = casadi.vertcat(*stacked) if stacked else casadi.SX(0, 4)
         return self._kernel("poses", output, (len(bodies), 4, 4))
 
-    @cached_property
-    def body_jacobians(self) -> Kernel:
-        """Twist (linear at the origin, angular; root axes) of each body: (bodies, 6, variables)."""
-        bodies, columns = self.structure.bodies, len(self.structure.variables)
-        stacked = [self.closure.body_jacobian(body) for body in bodies]
-        output = casadi.vertcat(*stacked) if stacked else casadi.SX(0, columns)
-        return self._kernel("body_jacobians", output, (len(bodies), 6, columns))
+    def body_jacobian(self, body: str) -> Kernel:
+        """Twist of a body (linear at its origin, angular; root axes): (*batch, 6, variables)."""
+        if body not in self._body_jacobians:
+            output = self.closure.body_jacobian(body)
+            self._body_jacobians[body] = self._kernel("body_jacobian", output)
+        return self._body_jacobians[body]
 
     def _kernel(self, name: str, output: casadi.SX, shape: tuple[int, ...] | None = None) -> Kernel:
         return Kernel(name, {"q": self.closure.q, "p": self.closure.p}, output, shape)
@@ -88,10 +88,14 @@ class Models:
         parts = []
         for name, value in self.closure.live.items():
             expected = np.asarray(value, dtype=float)
-            new = np.asarray(given.get(name, value), dtype=float)
+            new = _numbers(name, given.get(name, value))
             if new.shape != expected.shape:
                 raise ConfigurationError(
                     f"parameter {name} has shape {new.shape}, expected {expected.shape}"
+                )
+            if not np.all(np.isfinite(new)):
+                raise ConfigurationError(
+                    f"parameter {name} is {given[name]!r}, which is not finite"
                 )
             parts.append(new.ravel())
         return np.concatenate(parts) if parts else np.zeros(0)
@@ -130,6 +134,13 @@ class Models:
             # a quaternion stands last and has one number more than rates
             marks += own + [0.0] * (edge.type.coordinates - len(own))
         return np.array(marks)
+
+
+def _numbers(name: str, value: Any) -> Array:
+    try:
+        return np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ConfigurationError(f"parameter {name} is {value!r}, expected numbers") from None
 
 
 def _homogeneous(R: Any, p: tuple[Scalar, ...]) -> casadi.SX:

@@ -17,6 +17,7 @@ from gough.analysis.elimination import VelocityMap, direct_map, inverse_map, pas
 from gough.analysis.ranks import Linearisation, linearise
 from gough.assembly import Assembler, Assembly
 from gough.description import Mechanism
+from gough.errors import ConfigurationError
 from gough.formats.native import Source
 from gough.models import Models
 from gough.topology import Modelling, Role, Structure
@@ -34,7 +35,8 @@ class Home:
     """Positions of the actuated joints, rad and m."""
     x: Array
     """A pose (x, y, z, then the quaternion w, x, y, z) where all six freedoms of the platform are
-    operational, else the operational coordinates, rad and m."""
+    operational, else the operational coordinates, rad and m; rx, ry and rz of a platform that turns
+    freely are then entries of its rotation vector, while their rates are its angular velocity."""
     assembly: Assembly
 
 
@@ -94,7 +96,10 @@ class Robot:
 
         Raises:
             ClosureError: the loops do not close.
+            ConfigurationError: the seed is negative.
         """
+        if seed < 0:
+            raise ConfigurationError(f"the seed is {seed}; it must be 0 or more")
         return analyse(self.assembler, self.home.assembly, seed)
 
     # rates at the home configuration
@@ -109,7 +114,7 @@ class Robot:
 
         With all six freedoms of the platform ẋ is its twist (linear, angular) in base axes.
         ``valid`` says whether every output rate is possible, ``unique`` whether it fixes the
-        motors' rates. SI units and rad.
+        motors' rates. SI units and rad; rates of rx, ry, rz are angular velocities.
         """
         return self._in_si(inverse_map(self.rates), "actuated", "operational")
 

@@ -6,12 +6,12 @@ from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from gough.description import Body, Frame, Mechanism
 from gough.description.check import PLANAR_MOVES
 from gough.description.flat import Flat, flatten
-from gough.errors import DescriptionError, Problem
+from gough.errors import DescriptionError, Problem, UnknownName
 from gough.joints import TYPES, Free, JointType
 from gough.joints.base import Unit
 from gough.joints.free import POSE
@@ -102,6 +102,8 @@ class Structure:
     def __init__(self, mechanism: Mechanism, modelling: Modelling | None = None) -> None:
         self.mechanism = mechanism
         self.modelling: Modelling = modelling or mechanism.modelling
+        if self.modelling not in get_args(Modelling):
+            raise UnknownName("way of modelling", self.modelling, get_args(Modelling))
         self.flat: Flat = flatten(mechanism)
         builder = _Builder(mechanism, self.flat, self.modelling)
         self.edges, self.closings = builder.build()
@@ -312,8 +314,9 @@ class _Builder:
                 why = "is actuated" if edge.actuated else "is in a coupling or an output"
                 problems.append(
                     Problem(
-                        f"joint {edge.name!r} {why} and so is every joint of its loop: "
-                        "a loop needs a passive joint to cut",
+                        f"joint {edge.name!r} {why} and can not be cut, and no other joint of its "
+                        "loop can: a loop needs a passive joint, and a motor a body that only "
+                        "joints place",
                         self.flat.paths["joints", edge.name],
                         on_key=True,
                     )
@@ -390,11 +393,10 @@ def _bound_joints(mechanism: Mechanism, flat: Flat) -> set[str]:
 def _letter(flat: Flat, name: str) -> str:
     """The letter of a joint; pins of a parallelogram give its letter once."""
     joint = flat.joints[name]
-    whole, _, pin = name.rpartition(".")
-    if whole in flat.expanded:
-        letter = TYPES[flat.expanded[whole].type].letter if pin == "near1" else ""
+    if name in flat.expanded:
+        letter = TYPES[flat.expanded[name].type].letter
     else:
-        letter = TYPES[joint.type].letter
+        letter = "" if name.rpartition(".")[0] in flat.expanded else TYPES[joint.type].letter
     return f"[{letter}]" if joint.actuated and letter else letter
 
 

@@ -30,7 +30,7 @@ def buildable(seed, modelling=None, **options):
     try:
         return Robot(random_mechanism(seed, **options), modelling)
     except DescriptionError as error:
-        assert "needs a passive joint to cut" in str(error)
+        assert "a loop needs a passive joint" in str(error)
         return None
 
 

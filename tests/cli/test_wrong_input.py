@@ -52,7 +52,7 @@ WRONG = {
     ),
     "every joint of a loop has a motor": (
         ("bodies: [", "actuated: true, bodies: [", ", actuated: true, home", ", home", "[D]", "[]"),
-        "is actuated and so is every joint of its loop: a loop needs a passive joint to cut",
+        "is actuated and can not be cut, and no other joint of its loop can",
     ),
     "chosen cut has a motor": (
         ("operational: [D]", "operational: [D]\ncut: [A]"),

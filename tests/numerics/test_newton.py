@@ -44,12 +44,6 @@ def test_a_closed_start_is_kept_even_where_it_is_singular():
     assert (found.ending, found.steps) == (Ending.closed, 0)
 
 
-def test_a_singular_root_is_told_by_its_last_step():
-    found = run(lambda q: q**2, lambda q: np.diag(2 * q), [0.5])
-    assert found.ending is Ending.closed
-    assert found.last_step > 1e-8
-
-
 def test_few_steps_and_bad_starts_are_named():
     assert run(circle_and_line, slope, [2.0, 0.1], max_steps=2).ending is Ending.step_limit
     nothing = run(lambda q: np.array([np.nan]), lambda q: np.array([[1.0]]), [0.0])

@@ -20,8 +20,10 @@ Array = NDArray[np.float64]
 SAMPLES = 8
 """Random closed configurations that generic values are taken from."""
 SHARP = 1e-6
-"""A configuration whose ranks rest on a smaller singular value is no witness of generic ranks: near
-a singular root, which is known to 1e-8 at best, such a value may be an error of position."""
+"""A rank that rests on a smaller singular value may rest on an error of position: a search locates
+a singular root to 1e-8 at best."""
+ELSEWHERE = 1e-3
+"""A configuration nearer than this to home, rad or characteristic lengths, may be home again."""
 CLEAR_GAP = 1e3
 """A smaller gap in the singular values means that a rank is a matter of opinion."""
 
@@ -114,6 +116,11 @@ class Analysis:
         return self.equations - self.ranks.E
 
     @property
+    def redundant_equations_generic(self) -> int:
+        """Equations that others imply at a generic configuration: how overconstrained it is."""
+        return self.equations - self.generic.ranks.E
+
+    @property
     def actuation_rank(self) -> int:
         """Dimension of the motor rates that can occur."""
         return self.counts.actuated - self.defects.II
@@ -122,10 +129,12 @@ class Analysis:
 
     @property
     def actuation(self) -> str:
-        """``full``, or what is redundant or missing, joined by commas.
+        """``full``, or what is redundant or missing, joined by commas; ``unknown`` if isolated.
 
         Without outputs every motor moves with "the output at rest", so RI says nothing then.
         """
+        if self.isolated:
+            return "unknown"
         generic = self.defects_generic
         words = []
         if generic.II > 0:
@@ -137,9 +146,14 @@ class Analysis:
         return ", ".join(words) or "full"
 
     @property
+    def isolated(self) -> bool:
+        """Whether it could move, but no other configuration was found: nothing is generic."""
+        return self.generic.samples == 0 and self.mobility > 0
+
+    @property
     def _idle_without_output(self) -> bool:
         """Without outputs, whether joints move with the motors locked; a floating base may."""
-        if self.counts.operational or self.structure.mechanism.platform:
+        if self.counts.operational:
             return False
         floating = 0
         if self.structure.mechanism.floating:
@@ -166,7 +180,7 @@ class Analysis:
                 "largest: the configuration is next to a singularity, or is one that was found "
                 "only to rounding; give its home exactly to tell"
             )
-        if self.generic.samples == 0 and self.counts.total:
+        if self.isolated:
             found.append(
                 "no other closed configuration was found near this one: it may be isolated, and "
                 "generic values are those of this configuration"
@@ -181,7 +195,8 @@ class Analysis:
                 f"the described start did not close; restart {self.assembly.restarts} from "
                 "perturbed passive joints did, and chose the assembly"
             )
-        found += [f"{item}." for item in self.redundant]
+        here = "" if self.redundant_equations == self.redundant_equations_generic else ", here"
+        found += [f"{item}{here}." for item in self.redundant]
         return tuple(found)
 
     def as_dict(self) -> dict[str, Any]:
@@ -204,6 +219,7 @@ class Analysis:
             "equations": self.equations,
             "rank": self.ranks.E,
             "redundant_equations": self.redundant_equations,
+            "redundant_equations_generic": self.redundant_equations_generic,
             "mobility": self.mobility,
             "mobility_generic": self.mobility_generic,
             "ranks": vars(self.ranks).copy(),
@@ -284,7 +300,7 @@ def _generic(
         if other is None:
             continue
         there = rk.linearise(assembler, other)
-        if there.margin < SHARP:
+        if there.margin < SHARP and assembler.distance(q, other) < ELSEWHERE:
             continue
         seen.append((there.ranks, Motions(assembler, other, there).platform_rank()))
     best = seen[0][0]
@@ -301,11 +317,10 @@ def _singularity(rates: Linearisation, generic: Generic, motions: Motions) -> Si
     constraint = motions.platform_rank() > generic.platform
     words = []
     if type_2:
-        words += [
-            f"gained with the motors locked: {w}" for w in motions.gained_with_motors_locked()
-        ]
+        how = "possible" if usual.RO or usual.RPM else "gained"
+        words += [f"{how} with the motors locked: {w}" for w in motions.with_motors_locked()]
     if constraint:
-        words += [f"gained beyond the outputs: {w}" for w in motions.gained_beyond_outputs()]
+        words += [f"possible with the outputs at rest: {w}" for w in motions.with_outputs_at_rest()]
     if here.IO > usual.IO:
         words += [f"lost: {w}" for w in motions.lost()]
     if here.RPM > usual.RPM:

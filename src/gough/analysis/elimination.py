@@ -136,9 +136,9 @@ def passive_map(rates: Linearisation) -> VelocityMap:
     """q̇_p from ẋ, with the motor rates that go with it. Unique iff motors and passive rates are."""
     whole = _solved(np.hstack([rates.N, rates.M]), rates.K, rates.threshold)
     p = rates.N.shape[1]
-    freedom = whole.freedom[:p]
-    moves = freedom.size > 0 and float(np.abs(freedom).max()) > 1e-9
-    return VelocityMap(whole.matrix[:p], whole.valid, not moves, freedom, whole.refused)
+    freedom = _row_space(whole.freedom[:p].T, 1e-9)
+    unique = freedom.shape[1] == 0
+    return VelocityMap(whole.matrix[:p], whole.valid, unique, freedom, whole.refused)
 
 
 def _solved(A: Array, B: Array, threshold: float) -> VelocityMap:

@@ -34,11 +34,13 @@ class Motions:
         self.rate_scale = assembler.rate_scale
         bodies = self.structure.bodies
         self.poses = dict(zip(bodies, models.poses(q, assembler.p), strict=True))
-        self.jacobians = dict(zip(bodies, models.body_jacobians(q, assembler.p), strict=True))
+        self.poses[self.structure.root] = np.eye(4)
+        self._models, self._at = models, (q, assembler.p)
 
     def twists(self, body: str, columns: list[int], scaled: Array) -> Array:
-        """Twists (6, k) of a body for k columns of scaled rates of some variables."""
-        return np.asarray(self.jacobians[body][:, columns] * self.rate_scale[columns] @ scaled)
+        """Twists (6, k) of a body for k columns of scaled rates of some variables, root axes."""
+        J = self._models.body_jacobian(body)(*self._at)[:, columns]
+        return np.asarray(J * self.rate_scale[columns] @ scaled)
 
     def origin(self, body: str) -> Array:
         """Origin of a body in axes of the root, m."""
@@ -81,7 +83,11 @@ class Motions:
         whole = set(self.structure.bodies) <= {*bodies, *self._pieces}
         who = "the whole mechanism" if whole else ", ".join(bodies)
         verb = "spins" if len(bodies) == 1 else "spin together"
-        motion = name_twist(twist, self.origin(bodies[0]), self.length, who)
+        # the axis of several bodies is told from the origin of the root, whichever comes first
+        start = self.origin(bodies[0]) if len(bodies) == 1 else np.zeros(3)
+        moved = twist.copy()
+        moved[:3] += np.cross(twist[3:], start - self.origin(bodies[0]))
+        motion = name_twist(moved, start, self.length, who, tell_axis=len(bodies) > 1)
         if (
             not whole
             and motion.kind == "rotation"
@@ -125,11 +131,23 @@ class Motions:
         return columns("actuated") + columns("passive") + columns("operational")
 
     def platform_twists(self, kernel: Array) -> Array:
-        """V_P: twists of the platform (6, k) for columns of rates in role order."""
-        platform = self.structure.mechanism.platform
+        """V_P: twists of the platform relative to the base (6, k), base axes, for rates by role."""
+        platform, base = self.structure.mechanism.platform, self.structure.mechanism.base
         if platform is None:
             return np.zeros((6, 0))
-        return self.twists(platform, self.platform_columns, kernel)
+        own = self.twists(platform, self.platform_columns, kernel)
+        if base == self.structure.root:
+            return own
+        carried = self.twists(base, self.platform_columns, kernel)
+        arm = self.origin(platform) - self.origin(base)
+        carried[:3] += np.cross(carried[3:], arm, axis=0)
+        back = self.poses[base][:3, :3].T
+        return np.vstack([back @ (own - carried)[:3], back @ (own - carried)[3:]])
+
+    def _platform_origin(self, platform: str) -> Array:
+        """Origin of the platform in axes of the base, m."""
+        base = self.poses[self.structure.mechanism.base]
+        return np.asarray(base[:3, :3].T @ (self.origin(platform) - base[:3, 3]))
 
     def platform_rank(self) -> int:
         """Rank of the platform twists that the equations allow."""
@@ -138,7 +156,7 @@ class Motions:
         s = np.linalg.svd(scaled, compute_uv=False) if scaled.size else np.zeros(0)
         return int(np.sum(s > 1e-7))
 
-    def gained_with_motors_locked(self) -> list[str]:
+    def with_motors_locked(self) -> list[str]:
         """What the outputs can still do with the motors locked, in words."""
         rates = self.rates
         locked = null_space(np.hstack([rates.N, rates.K]), rates.threshold)
@@ -146,9 +164,10 @@ class Motions:
         kernel = np.vstack([np.zeros((a, locked.shape[1])), locked])
         if self.structure.platform_is_output:
             return self._platform_words(kernel)
-        return [self._output_words(row) for row in echelon(_range(locked[p:]).T)] if o else []
+        scale = self.rate_scale[self.structure.columns("operational")]
+        return [self._output_words(r * scale) for r in echelon(_range(locked[p:]).T)] if o else []
 
-    def gained_beyond_outputs(self) -> list[str]:
+    def with_outputs_at_rest(self) -> list[str]:
         """Platform motions that the equations allow while the outputs are at rest, in words."""
         kernel, o = self.rates.kernel, self.rates.counts.operational
         at_rest = null_space(kernel[kernel.shape[0] - o :], 1e-9) if o else np.eye(kernel.shape[1])
@@ -158,7 +177,9 @@ class Motions:
         """Directions of the outputs that no motor can follow, in words."""
         o = self.rates.counts.operational
         reach = self.rates.kernel[self.rates.kernel.shape[0] - o :]
-        return [self._output_words(row) for row in echelon(null_space(reach.T, 1e-7).T)]
+        # what a combination of output rates comes to: its weights are divided by the scale
+        scale = self.rate_scale[self.structure.columns("operational")]
+        return [self._output_words(row / scale) for row in echelon(null_space(reach.T, 1e-7).T)]
 
     def _platform_words(self, kernel: Array) -> list[str]:
         platform = self.structure.mechanism.platform
@@ -168,18 +189,16 @@ class Motions:
         size = np.abs(twists / np.repeat([self.length, 1.0], 3)[:, None]).max(initial=0.0)
         if size < ZERO:
             return []
-        named = name_space(twists, self.origin(platform), self.length, platform)
+        named = name_space(twists, self._platform_origin(platform), self.length, platform)
         return [motion.text for motion in named]
 
-    def _output_words(self, row: Array) -> str:
-        """A direction in the space of outputs, as a sum of their names."""
+    def _output_words(self, weights: Array) -> str:
+        """Outputs with weights, as a sum of their names."""
         names = [self.structure.variables[k].name for k in self.structure.columns("operational")]
         platform = self.structure.mechanism.platform
         plain = [
             n.removeprefix(f"{platform}.") if n.rsplit(".", 1)[-1] in POSE else n for n in names
         ]
-        scale = self.rate_scale[self.structure.columns("operational")]
-        weights = row / scale
         weights = weights / weights[np.argmax(np.abs(weights) > 0)]
         terms = [f"{w:.4g} {n}" if w != 1 else n for w, n in zip(weights, plain, strict=True) if w]
         return " + ".join(terms).replace("+ -", "- ")

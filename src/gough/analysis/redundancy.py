@@ -45,17 +45,34 @@ def redundancies(E: Array, blocks: tuple[Block, ...], threshold: float) -> list[
         rows = [E[block.rows] for block in chosen]
         return int(np.sum(singular_values(np.vstack(rows).T) > threshold)) if rows else 0
 
-    found, before = [], 0
+    found = []
     for k, block in enumerate(blocks):
-        after = rank(list(blocks[: k + 1]))
+        earlier = _related(E, list(blocks[:k]), block)
+        added = rank([*earlier, block]) - rank(earlier)
         count = block.rows.stop - block.rows.start
-        added, before = after - before, after
         if added < count:
-            implying = _smallest(list(blocks[:k]), block, added, rank)
+            implying = _smallest(earlier, block, added, rank)
             names = tuple(other.name for other in implying)
             own = tuple(joint for joint in block.joints if joint != block.name)
             found.append(Redundancy(block.name, count - added, count, names or own))
     return found
+
+
+def _related(E: Array, earlier: list[Block], block: Block) -> list[Block]:
+    """Earlier closings that share variables with a block, directly or through each other."""
+    columns = np.any(E[block.rows] != 0, axis=0)
+    related: set[int] = set()
+    while True:
+        new = {
+            k
+            for k, other in enumerate(earlier)
+            if k not in related and np.any(np.any(E[other.rows] != 0, axis=0) & columns)
+        }
+        if not new:
+            return [other for k, other in enumerate(earlier) if k in related]
+        related |= new
+        for k in new:
+            columns = columns | np.any(E[earlier[k].rows] != 0, axis=0)
 
 
 def _smallest(earlier: list[Block], block: Block, added: int, rank: object) -> list[Block]:

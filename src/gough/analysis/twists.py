@@ -28,7 +28,9 @@ class NamedTwist:
     text: str
 
 
-def name_twist(twist: Array, origin: Array, length: float, body: str) -> NamedTwist:
+def name_twist(
+    twist: Array, origin: Array, length: float, body: str, tell_axis: bool = False
+) -> NamedTwist:
     """The screw of a twist (linear at ``origin``, angular; base axes), in words.
 
     Args:
@@ -36,6 +38,7 @@ def name_twist(twist: Array, origin: Array, length: float, body: str) -> NamedTw
         origin: origin of the body in base axes, m.
         length: characteristic length, m, which a displacement of the axis is compared to.
         body: the name of what moves.
+        tell_axis: whether the place of an axis through ``origin`` is told too.
     """
     v, w = twist[:3], twist[3:]
     turn = float(np.linalg.norm(w))
@@ -47,7 +50,8 @@ def name_twist(twist: Array, origin: Array, length: float, body: str) -> NamedTw
     advance = float(v @ w) / turn**2
     arm = np.cross(w, v) / turn**2
     point = origin + arm
-    through = "" if np.linalg.norm(arm) <= ZERO * length else f", axis through {_point(point)}"
+    at_origin = bool(np.linalg.norm(arm) <= ZERO * length)
+    through = "" if at_origin and not tell_axis else f", axis through {_point(point)}"
     if abs(advance) <= ZERO * length:
         text = f"rotation about {_direction(direction)} of {body}{through}"
         return NamedTwist("rotation", _triple(direction), _triple(point), 0.0, text)

@@ -31,7 +31,7 @@ def table(analysis: Analysis) -> str:
         ("mobility", _mobility(analysis)),
         ("actuation", analysis.actuation),
         ("defects", _defects(analysis.defects, counts)),
-        ("generic defects", _defects(generic, counts)),
+        ("generic defects", "unknown" if analysis.isolated else _defects(generic, counts)),
         ("singularity", _singularity(analysis)),
         ("rank gap", f"{analysis.rates.gap:.1e}"),
         (
@@ -74,6 +74,8 @@ def _defects(defects: Defects, counts: Counts) -> str:
 
 def _singularity(analysis: Analysis) -> str:
     found = analysis.singularity
+    if analysis.isolated:
+        return "unknown: there is no other configuration to compare with"
     kinds = [
         word
         for word, is_it in (

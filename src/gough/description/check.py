@@ -15,12 +15,15 @@ from gough.description.parts import Body, Constraint, Frame, Joint
 from gough.description.values import evaluate_parameters, scalar, vector
 from gough.errors import Path, Problem, closest
 from gough.joints import TYPES
-from gough.joints.free import POSE
+from gough.joints.free import POSE, Free
 
 MAX_LINKS = 1000
 """Most joints and constraints together; more would keep dense linear algebra busy for minutes."""
 PLANAR_MOVES = ("x", "y", "rz")
 PLANAR_TOLERANCE = 1e-9
+LEVEL = ("prismatic", "fixed", "parallelogram", "frames-coincide")
+"""Planar joints and constraints whose frames give the whole orientation of a body."""
+POSE_TOLERANCE = 1e-9
 INERTIA_TOLERANCE = 1e-9
 """Relative to the trace; moments that meet the triangle inequality with equality pass."""
 
@@ -137,9 +140,22 @@ class _Checker:
                     (*path, "free"), f"{move!r} leaves the plane; planar bodies move in x, y, rz"
                 )
         if body.home is not None:
-            self._check_frame(body.home, (*path, "home"))
+            home = self._frame(body.home, (*path, "home"))
             if body.free is None and name != self.mechanism.platform:
                 self.report((*path, "home"), "only a free link or the platform has a home pose")
+            elif home is not None:
+                self._check_pose(name, home, (*path, "home"))
+
+    def _check_pose(self, name: str, home: al.Transform, path: Path) -> None:
+        """A free link that can not have its home pose is refused, and not moved to another."""
+        kind = Free(self._moves(name))
+        (R, p), (S, q) = home, kind.placement(kind.from_pose(home), {})
+        entries = [pair for r, s in zip(R, S, strict=True) for pair in zip(r, s, strict=True)]
+        turned = max(abs(x - y) for x, y in entries)
+        moved = max(abs(x - y) for x, y in zip(p, q, strict=True))
+        if max(turned, moved) > POSE_TOLERANCE * max(1.0, *map(abs, p)):
+            known = ", ".join(kind.moves)
+            self.report(path, f"{name!r} moves in {known} alone; this pose asks for more")
 
     def _check_inertia(self, inertia: tuple[float, ...], mass: float | None, path: Path) -> None:
         import numpy as np
@@ -216,20 +232,28 @@ class _Checker:
                 self.report((*path, "bodies", k), text)
         if part.bodies[0] == part.bodies[1]:
             self.report((*path, "bodies"), f"both ends are on {part.bodies[0]!r}")
-        for k, frame in enumerate(part.frames):
-            self._check_frame(frame, (*path, "frames", k), part)
+        frames = [
+            self._frame(frame, (*path, "frames", k), part) for k, frame in enumerate(part.frames)
+        ]
+        if self.mechanism.motion == "planar" and part.type in LEVEL and None not in frames:
+            a, b = (T[0] for T in frames if T is not None)
+            if abs(abs(al.dot(a[2], b[2])) - 1) > PLANAR_TOLERANCE:
+                text = "the two frames turn one body out of the plane of the other; see `across`"
+                self.report((*path, "frames"), text)
 
-    def _check_frame(
+    def _frame(
         self, frame: Frame, path: Path, part: Joint | Constraint | None = None
-    ) -> None:
+    ) -> al.Transform | None:
+        """T_body_frame, or None after a report."""
         try:
             T = transform(frame, self.values)
         except FrameError as error:
             if not self._follows(error):
                 self.report((*path, error.field), str(error))
-            return
+            return None
         if self.mechanism.motion == "planar" and part is not None:
             self._check_plane(T, path, part)
+        return T
 
     def _check_plane(self, T: al.Transform, path: Path, part: Joint | Constraint) -> None:
         """Pins stand on the plane, sliders and directions lie in it."""

@@ -10,7 +10,7 @@ from functools import cached_property
 from typing import Any
 
 from gough import algebra
-from gough.errors import closest
+from gough.errors import GoughError, closest
 
 FUNCTIONS: dict[str, int] = {
     "sqrt": 1,
@@ -47,7 +47,7 @@ GRAMMAR = (
 )
 
 
-class ExpressionError(ValueError):
+class ExpressionError(GoughError, ValueError):
     """An expression can not be read or has no value; the text says why."""
 
 
@@ -94,8 +94,6 @@ class Expression:
             if isinstance(error, ExpressionError):
                 raise
             raise ExpressionError(f"{self.text!r} has no value: {error}") from None
-        if isinstance(result, complex):
-            raise ExpressionError(f"{self.text!r} is not a real number")
         if isinstance(result, float) and not math.isfinite(result):
             raise ExpressionError(f"{self.text!r} is not finite")
         return result
@@ -209,7 +207,10 @@ def _evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
 def _power(base: Any, exponent: Any) -> Any:
     """base ** exponent in floating point, so that no huge whole number is ever built."""
     base = float(base) if isinstance(base, int) else base
-    return base ** (float(exponent) if isinstance(exponent, int) else exponent)
+    power = base ** (float(exponent) if isinstance(exponent, int) else exponent)
+    if isinstance(power, complex):
+        raise ExpressionError(f"{base:g} ** {exponent:g} is not a real number")
+    return power
 
 
 def _lookup(name: str, values: Mapping[str, Any]) -> Any:

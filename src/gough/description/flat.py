@@ -97,7 +97,6 @@ def _own_name(prefix: str, parameter: str) -> str:
 def _add(flat: Flat, kind: str, name: str, part: Part, path: Path) -> None:
     if isinstance(part, Joint) and part.type == "parallelogram" and part.dimensions.keys() >= BARS:
         flat.expanded[name] = part
-        flat.paths["joints", name] = path
         _add_parallelogram(flat, name, part, path)
     else:
         flat.add(kind, name, part, path)
@@ -135,8 +134,8 @@ def _relabelled(part: Part, leg: Leg, prefix: str) -> Part:
 def _add_parallelogram(flat: Flat, name: str, joint: Joint, path: Path) -> None:
     """Two bars, the pins of the first at both ends, that of the second at the near end.
 
-    The couplings keep the second bar parallel to the first and the far body from turning; the
-    fourth pin would only repeat them.
+    The pin that tells the angle has the name of the joint. The couplings keep the second bar
+    parallel to the first and the far body from turning; the fourth pin would only repeat them.
     """
     (a, b), (on_a, on_b) = joint.bodies, joint.frames
     length, mass = joint.dimensions["length"], joint.dimensions["bar_mass"]
@@ -155,8 +154,8 @@ def _add_parallelogram(flat: Flat, name: str, joint: Joint, path: Path) -> None:
     for pin, (bodies, frames, home) in pins.items():
         moved = joint.actuated and pin == "near1"
         part = Joint(type="revolute", bodies=bodies, frames=frames, actuated=moved, home=home)
-        flat.add("joints", f"{name}.{pin}", part, path)
-    near1, near2, far1 = (f"{name}.{pin}" for pin in pins)
+        flat.add("joints", name if pin == "near1" else f"{name}.{pin}", part, path)
+    near1, near2, far1 = name, f"{name}.near2", f"{name}.far1"
     flat.add("couplings", f"{name}.bars", Coupling(terms={near2: 1, near1: -1}), path)
     flat.add("couplings", f"{name}.level", Coupling(terms={far1: 1, near1: 1}), path)
 

@@ -9,6 +9,7 @@ from gough.algebra import Matrix, Transform, Vector
 from gough.description.expression import ExpressionError
 from gough.description.parts import Frame
 from gough.description.values import Values, scalar, vector
+from gough.errors import GoughError
 
 STEEP = 0.7
 """An axis with a z component beyond this, some 45 degrees, takes its x from the body's x axis."""
@@ -16,7 +17,7 @@ UNIT_TOLERANCE = 1e-6
 """How far the length of an axis may be from 1. Axes typed with seven digits pass."""
 
 
-class FrameError(ValueError):
+class FrameError(GoughError, ValueError):
     """A frame can not be built; ``field`` names the entry at fault."""
 
     def __init__(self, field: str, message: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 from typing import Annotated, Any
 
 from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
@@ -26,7 +27,7 @@ def read_scalar(value: Any) -> float | Expression:
             return Expression.read(value)
         except ExpressionError as error:
             raise ValueError(str(error)) from None
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if isinstance(value, bool) or not isinstance(value, Real):
         raise ValueError(f"expected a number or an expression, got {_shown(value)}")
     try:
         number = float(value)
@@ -43,6 +44,7 @@ def read_vector(value: Any) -> tuple[float | Expression, ...] | Expression:
         scalar = read_scalar(value)
         assert isinstance(scalar, Expression)
         return scalar
+    value = _plain(value)
     if not isinstance(value, list | tuple):
         raise ValueError(f"expected a list of numbers, got {_shown(value)}")
     return tuple(read_scalar(item) for item in value)
@@ -50,16 +52,24 @@ def read_vector(value: Any) -> tuple[float | Expression, ...] | Expression:
 
 def read_position(value: Any) -> tuple[float | Expression, ...] | Expression:
     """A list of numbers, an expression that names one, or one number."""
-    return read_vector(value) if isinstance(value, list | tuple | str) else (read_scalar(value),)
+    value = _plain(value)
+    lone = not isinstance(value, list | tuple | str | Expression)
+    return (read_scalar(value),) if lone else read_vector(value)
 
 
 def read_array(value: Any) -> Any:
     """A number, or nested lists of numbers."""
+    value = _plain(value)
     if isinstance(value, list | tuple):
         if not value:
             raise ValueError("expected at least one number, got an empty list")
         return tuple(read_array(item) for item in value)
     return read_scalar(value)
+
+
+def _plain(value: Any) -> Any:
+    """The lists and numbers of an array."""
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def write(value: Any) -> Any:

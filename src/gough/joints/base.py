@@ -154,6 +154,12 @@ def planar_points_coincide(a: Transform, b: Transform) -> list[Row]:
     return points_coincide(a, b)[:2]
 
 
+def planar_axes_parallel(a: Transform, b: Transform) -> list[Row]:
+    """The sine of the angle between the z axes, which lie in the x-y plane: 1 row."""
+    z_a, z_b = al.column(a[0], 2), al.column(b[0], 2)
+    return [Row(al.cross(z_a, z_b)[2], "rad")]
+
+
 def planar_orientations_coincide(a: Transform, b: Transform) -> list[Row]:
     """The sine of the angle from a to b about the common z axis: 1 row."""
     k = _in_plane(a)

@@ -25,7 +25,7 @@ CONSTRAINTS: dict[str, Constraint] = {
     ),
     "directions-parallel": Constraint(
         base.axes_parallel,
-        base.planar_orientations_coincide,
+        base.planar_axes_parallel,
         lambda a, b: [base.axes_agree(a, b)],
     ),
     "frames-coincide": Constraint(

@@ -28,7 +28,6 @@ class Free(JointType):
 
     name = "free"
     letter = "F"
-    planar = True
 
     @property
     def rates(self) -> tuple[Unit, ...]:
@@ -100,9 +99,6 @@ class Free(JointType):
         return linear + [(al.ZERO, al.AXES[move[1]]) for move in self._turns]
 
     def rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
-        return []
-
-    def planar_rows(self, a: Transform, b: Transform, dimensions: Dimensions) -> list[Row]:
         return []
 
     def from_pose(self, T: Transform) -> tuple[float, ...]:

@@ -39,8 +39,6 @@ class Solution:
     q: Array
     gap: float
     """Largest absolute residual, scaled."""
-    last_step: float
-    """Length of the last Newton step, scaled: how well the root is located."""
     ending: Ending
     steps: int
 
@@ -51,7 +49,7 @@ def solve(
     retract: Callable[[Array, Array], Array],
     q: Array,
     tolerance: float = 1e-12,
-    max_steps: int = 200,
+    max_steps: int = 120,
 ) -> Solution:
     """Levenberg-Marquardt steps with damping |F|², of quadratic convergence at redundant rows too.
 
@@ -60,7 +58,7 @@ def solve(
 
     Args:
         residual: F, scaled so that its entries compare.
-        jacobian: derivative of F by the step, with columns of zeros for what is held.
+        jacobian: derivative of F by the step.
         retract: the configuration a step leads to.
         q: the start.
         tolerance: largest residual of a root.
@@ -68,26 +66,26 @@ def solve(
     """
     F = residual(q)
     if not np.all(np.isfinite(F)):
-        return Solution(q, float("inf"), float("inf"), Ending.not_finite, 0)
-    gap, last_step, trust = _largest(F), 0.0, 1.0
+        return Solution(q, float("inf"), Ending.not_finite, 0)
+    gap, trust = _largest(F), 1.0
     if gap <= CLOSED_AT_START:
-        return Solution(q, gap, 0.0, Ending.closed, 0)
+        return Solution(q, gap, Ending.closed, 0)
     for steps in range(max_steps):
         if gap <= ROUNDING:
-            return Solution(q, gap, last_step, Ending.closed, steps)
+            return Solution(q, gap, Ending.closed, steps)
         slope = _Slope(jacobian(q), F)
         if gap > tolerance and slope.is_minimum():
-            return Solution(q, gap, last_step, Ending.open, steps)
+            return Solution(q, gap, Ending.open, steps)
         new = _improved(residual, retract, q, F, slope, trust)
         if new is None:
             ending = Ending.closed if gap <= tolerance else Ending.open
-            return Solution(q, gap, last_step, ending, steps)
-        q, F, last_step, trust = new
+            return Solution(q, gap, ending, steps)
+        q, F, trust = new
         before, gap = gap, _largest(F)
         if gap <= tolerance and gap > 0.5 * before:
-            return Solution(q, gap, last_step, Ending.closed, steps + 1)
+            return Solution(q, gap, Ending.closed, steps + 1)
     ending = Ending.closed if gap <= tolerance else Ending.step_limit
-    return Solution(q, gap, last_step, ending, max_steps)
+    return Solution(q, gap, ending, max_steps)
 
 
 class _Slope:
@@ -123,7 +121,7 @@ def _improved(
     F: Array,
     slope: _Slope,
     trust: float,
-) -> tuple[Array, Array, float, float] | None:
+) -> tuple[Array, Array, float] | None:
     """The first of ever more damped steps that lowers the residual about as promised, or None."""
     for _ in range(30):
         step, promised = slope.step(trust)
@@ -132,7 +130,7 @@ def _improved(
         gained = slope.size**2 - float(new_F @ new_F)
         if np.isfinite(gained) and gained > 0.01 * promised and gained > 0:
             easier = 0.1 if gained > 0.5 * promised else 1.0
-            return new_q, new_F, float(np.linalg.norm(step)), max(trust * easier, 1e-3)
+            return new_q, new_F, max(trust * easier, 1e-3)
         trust = max(trust, 1e-6) * 10
     return None
 
