@@ -74,12 +74,21 @@ def test_a_description_survives_a_round_trip_through_plain_data():
 
 
 def test_errors_in_python_name_the_part():
-    with pytest.raises(ValidationError, match=r"bodies\.rod\.mass: the mass is -1 kg"):
+    with pytest.raises(DescriptionError, match=r"wrong: bodies\.rod\.mass: the mass is -1 kg"):
         Mechanism(
             name="wrong",
             bodies={"rod": Body(mass=-1)},
             joints={"pin": Joint(type="revolute", bodies=("base", "rod"))},
         )
+
+
+def test_wrong_forms_in_python_are_named_alike():
+    with pytest.raises(DescriptionError, match="'revolut' is not a joint type. Did you mean") as e:
+        Mechanism(name="wrong", bodies=3, joints={"pin": {"type": "revolut", "bodies": ["a", "b"]}})
+    assert [problem.path for problem in e.value.problems] == [
+        ("bodies",),
+        ("joints", "pin", "type"),
+    ]
 
 
 def test_parameters_are_replaced_by_name():

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from pydantic import model_validator
+from typing import Any
+
+from pydantic import ValidationError
 
 from gough.description.check import problems_of
 from gough.description.flat import KINDS, flatten
 from gough.description.form import Description
+from gough.description.messages import problem
 from gough.errors import DescriptionError
 
 
@@ -14,15 +17,19 @@ class Mechanism(Description):
     """A mechanism with any number of closed loops, its parts checked against each other.
 
     Raises:
-        pydantic.ValidationError: a value has the wrong form, or the parts do not fit together.
+        DescriptionError: values have the wrong form, or the parts do not fit together; all that is
+            wrong is told at once.
     """
 
-    @model_validator(mode="after")
-    def _check(self) -> Mechanism:
-        problems = problems_of(self)
-        if problems:
-            raise DescriptionError(problems, source=self.name)
-        return self
+    def __init__(self, **entries: Any) -> None:
+        try:
+            super().__init__(**entries)
+        except ValidationError as error:
+            found = [problem(detail) for detail in error.errors(include_url=False)]
+        else:
+            found = problems_of(self)
+        if found:
+            raise DescriptionError(found, source=str(entries.get("name", "mechanism")))
 
     def written_out(self) -> Mechanism:
         """The same mechanism with its legs, and parallelograms with heavy bars, written out.

@@ -7,12 +7,12 @@ from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
-from pydantic_core import ErrorDetails
 
 from gough.description import Mechanism
 from gough.description.check import problems_of
 from gough.description.form import Description
-from gough.errors import DescriptionError, Path, Problem, UnknownName, closest
+from gough.description.messages import problem
+from gough.errors import DescriptionError, Problem, UnknownName
 from gough.formats.nodes import MAX_BYTES, Document, compose
 
 T = TypeVar("T")
@@ -98,7 +98,7 @@ def _read(data: dict[str, Any]) -> tuple[Description | None, list[str], list[Pro
         except ValidationError as error:
             details = error.errors(include_url=False)
         if not problems:
-            problems = [_problem(detail) for detail in details]
+            problems = [problem(detail) for detail in details]
         for detail in details:
             data = _without(data, tuple(detail["loc"]), broken)
     return None, broken, problems
@@ -130,66 +130,3 @@ def _removed(data: Any, path: tuple[Any, ...]) -> Any:
     if rest and isinstance(data[key], dict):
         return {**data, key: _removed(data[key], tuple(rest))}
     return {name: value for name, value in data.items() if name != key}
-
-
-def _problem(detail: ErrorDetails) -> Problem:
-    """One problem of form in our words."""
-    path: Path = tuple(part for part in detail["loc"] if part != "[key]")
-    on_key = detail["type"] == "extra_forbidden" or "[key]" in detail["loc"]
-    return Problem(_message(detail, path), path, on_key)
-
-
-def _message(detail: ErrorDetails, path: Path) -> str:
-    value = _shown(detail["input"])
-    match detail["type"]:
-        case "extra_forbidden":
-            known = _fields_at(path[:-1])
-            return f"there is no entry {path[-1]!r} here.{closest(str(path[-1]), known)}"
-        case "missing":
-            return "is missing"
-        case "value_error":
-            return str(detail["ctx"]["error"])
-        case "string_pattern_mismatch" | "string_too_long":
-            return (
-                f"{value} is no name: a letter, then letters, digits, - and _ "
-                "(words joined by dots), at most 80 characters"
-            )
-        case "literal_error" | "enum":
-            return f"{value} is not one of {detail['ctx']['expected']}"
-        case "dict_type" | "model_type":
-            return f"expected a mapping of names, got {value}"
-        case "tuple_type" | "list_type":
-            return f"expected a list, got {value}"
-        case "string_type":
-            return f"expected text, got {value}; numbers and true, false as text need quotes"
-        case "bool_type" | "bool_parsing":
-            return f"expected true or false, got {value}"
-    return f"{detail['msg']} (got {value})"
-
-
-def _fields_at(path: Path) -> tuple[str, ...]:
-    """Names of the entries that the model knows at a path."""
-    from pydantic import BaseModel
-
-    from gough.description.parts import Body, Constraint, Coupling, Frame, Joint, Leg, Parameter
-
-    model: type[BaseModel] = Mechanism
-    kinds: dict[str, type[BaseModel]] = {
-        "bodies": Body,
-        "joints": Joint,
-        "constraints": Constraint,
-        "couplings": Coupling,
-        "legs": Leg,
-        "parameters": Parameter,
-    }
-    for part in path:
-        if part in kinds and model in (Mechanism, Leg):
-            model = kinds[str(part)]
-        elif part in ("frames", "home"):
-            model = Frame
-    return tuple(sorted(model.model_fields))
-
-
-def _shown(value: Any) -> str:
-    text = "nothing" if value is None else repr(value)
-    return text if len(text) <= 60 else text[:57] + "…"
