@@ -34,6 +34,12 @@ def buildable(seed, modelling=None, **options):
         return None
 
 
+@pytest.mark.parametrize("modelling", ["cut-joints", "cut-platform"])
+def test_most_random_mechanisms_can_be_built(modelling):
+    built = [seed for seed in SEEDS if buildable(seed, modelling) is not None]
+    assert len(built) >= 0.8 * len(SEEDS)
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("planar", [False, True])
 def test_identities_of_the_defects(seed, planar):
