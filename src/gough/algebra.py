@@ -37,7 +37,10 @@ def is_number(x: Scalar) -> bool:
 def apply(function: str, x: Scalar) -> Scalar:
     """sin, cos, tan, asin, acos or sqrt of a number or a symbol."""
     if is_number(x):
-        return getattr(math, function)(x)
+        try:
+            return getattr(math, function)(x)
+        except ValueError:
+            raise ValueError(f"{function}({x:.6g}) is not defined") from None
     return getattr(x, {"asin": "arcsin", "acos": "arccos"}.get(function, function))()
 
 

@@ -49,6 +49,14 @@ class Assembly:
     reversed: bool = False
     """Whether the largest gap is that of a joint turned to its reverse side."""
 
+    @property
+    def moved_text(self) -> str:
+        """What gave way, in words."""
+        return (
+            "the described home does not close; these were moved from where it puts them: "
+            + ", ".join(self.moved)
+        )
+
     def require(self) -> Assembly:
         """Self if every loop is closed.
 

@@ -17,7 +17,7 @@ from gough.analysis.elimination import VelocityMap, direct_map, inverse_map, pas
 from gough.analysis.ranks import Linearisation, linearise
 from gough.assembly import Assembler, Assembly
 from gough.description import Mechanism
-from gough.errors import ConfigurationError
+from gough.errors import ConfigurationError, DescriptionError, Problem
 from gough.formats.native import Source
 from gough.models import Models
 from gough.topology import Modelling, Role, Structure
@@ -40,6 +40,17 @@ class Home:
     assembly: Assembly
 
 
+@dataclass(frozen=True)
+class Origin:
+    """What a robot was loaded from."""
+
+    robot: str
+    """Path, or name in the catalogue."""
+    parameters: dict[str, Any]
+    """Values that replaced those of the description."""
+    modelling: Modelling | None
+
+
 class Robot:
     """One mechanism and its models.
 
@@ -47,6 +58,9 @@ class Robot:
         mechanism: the description.
         modelling: one of the two ways to model the platform; the description's own by default.
         live: values of live parameters by name; those of the description by default.
+
+    Attributes:
+        origin: what it was loaded from, None if the mechanism was described in Python.
 
     Raises:
         DescriptionError: a loop has no passive joint to cut.
@@ -61,6 +75,7 @@ class Robot:
         self.mechanism = mechanism
         self.structure = Structure(mechanism, modelling)
         self._live = dict(live or {})
+        self.origin: Origin | None = None
 
     @property
     def name(self) -> str:
@@ -172,7 +187,9 @@ def load(
     """
     source = open_source(robot)
     mechanism = source.mechanism(parameters)
-    return source.locating(lambda: Robot(mechanism, modelling))
+    loaded = source.locating(lambda: Robot(mechanism, modelling))
+    loaded.origin = Origin(str(robot), parameters, modelling)
+    return loaded
 
 
 def open_source(robot: str | Path) -> Source:
@@ -186,4 +203,8 @@ def open_source(robot: str | Path) -> Source:
     looks_like_path = path.suffix in (".yaml", ".yml") or len(path.parts) > 1 or path.exists()
     if isinstance(robot, Path) or looks_like_path:
         return Source.open(path)
+    near = path.with_suffix(".yaml")
+    if str(robot) not in catalogue.names() and near.exists():
+        problem = Problem(f"is no name of the catalogue; the file beside you is called {near}")
+        raise DescriptionError([problem], str(robot))
     return Source(catalogue.file(str(robot)).read_bytes(), f"{robot}.yaml")

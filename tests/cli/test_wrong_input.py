@@ -208,3 +208,63 @@ def test_wrong_arguments(args, expected):
     assert result.exit_code == 2
     assert expected in result.stderr
     assert "Traceback" not in result.output
+
+
+IN_A_LEG = """\
+name: legs
+bodies: {plate: {}}
+legs:
+  leg:
+    repeat: 3
+    parameters: {angle: 2*pi*i/3, x: acos(R), y: 2*x, foot: ["cos(angle)", "y + angel", 0]}
+    bodies: {cart: {mass: 1}}
+    joints:
+      slide: {type: prismatic, bodies: [base, kart], frames: [{point: foot}, {}]}
+      ball: {type: spherical, bodies: [cart, plate]}
+parameters: {R: 2}
+platform: plate
+operational: [z, roll, rx]
+"""
+
+
+def test_errors_in_a_leg_speak_its_own_names(tmp_path):
+    file = tmp_path / "legs.yaml"
+    file.write_text(IN_A_LEG, "utf-8")
+    lines = run("check", str(file)).stderr.splitlines()
+    told = [line.split(": ", 1)[1] for line in lines]
+    assert told == [
+        "legs.leg.parameters.x: 'acos(R)' has no value: acos(2) is not defined",
+        "legs.leg.joints.slide.bodies.1: there is no body 'kart'. Did you mean 'cart'? "
+        "Known: cart, base, leg1.cart, leg2.cart, leg3.cart, plate.",
+        "operational.1: there is no output 'roll'. Known: x, y, z, rx, ry, rz, leg1.ball, "
+        "leg1.slide, leg2.ball, leg2.slide, leg3.ball, leg3.slide.",
+    ]
+
+
+def test_brackets_in_brackets_need_quotes(tmp_path):
+    result = run("check", written(tmp_path, "[b, 0]", "[b[0], 0]"))
+    assert "such as B[i], needs quotes" in result.stderr
+
+
+def test_a_file_named_without_its_ending(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path)
+    result = run("check", "robot")
+    assert result.exit_code == 2
+    assert "the file beside you is called robot.yaml" in result.stderr
+
+
+def test_check_says_what_gave_way(tmp_path):
+    result = run("check", written(tmp_path, "b: 0.3", "b: 0.05"))
+    assert result.exit_code == 0
+    assert "these were moved from where it puts them: A" in result.stdout
+
+
+def test_an_interruption_has_its_own_exit_code(monkeypatch):
+    def interrupted(*args, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("gough.robot.load", interrupted)
+    result = run("analyse", "2rpr")
+    assert result.exit_code == 130
+    assert result.stderr == "Interrupted.\n"

@@ -92,7 +92,7 @@ def test_the_page_is_balanced_and_stands_alone(report: Path) -> None:
 def test_the_data_say_what_the_page_says(report: Path) -> None:
     data = strict((report / "report.json").read_text(encoding="utf-8"))
     robot = load(report.name)
-    assert data["command"] == f"gough study {report.name}"
+    assert data["command"] == f"gough study {report.name} --points 5"
     assert data["analysis"]["mobility"] == robot.analyse().mobility
     np.testing.assert_allclose(data["home"]["q"], robot.home.q, rtol=1e-12)
     for picture in data["pictures"]:
@@ -259,7 +259,13 @@ def test_too_few_points_are_refused(tmp_path: Path) -> None:
     ],
 )
 def test_the_command_names_what_was_changed(changes: dict[str, Any], options: str) -> None:
-    assert subject.repeating(load("2rpr", **changes)) == (f"gough study 2rpr{options}", True)
+    context = Context(load("2rpr", **changes))
+    assert subject.repeating(context) == (f"gough study 2rpr{options}", True)
+
+
+def test_the_command_names_seed_and_points() -> None:
+    context = Context(load("2rpr"), seed=3, points=5)
+    assert subject.repeating(context) == ("gough study 2rpr --points 5 --seed 3", True)
 
 
 def test_parameters_of_repeated_legs_share_a_row() -> None:
@@ -272,7 +278,7 @@ def test_parameters_of_repeated_legs_share_a_row() -> None:
 
 def test_a_changed_robot_is_not_called_by_the_catalogue_name() -> None:
     changed = load("2rpr").mechanism.model_copy(update={"gravity": (0.0, 0.0, 0.0)})
-    assert subject.repeating(Robot(changed)) == ("gough study FILE.yaml", False)
+    assert subject.repeating(Context(Robot(changed))) == ("gough study FILE.yaml", False)
 
 
 @pytest.mark.parametrize(

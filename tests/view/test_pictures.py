@@ -131,7 +131,7 @@ def test_curves_hatch_where_there_is_no_value() -> None:
 def test_matplotlib_is_asked_for_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    with pytest.raises(view.ViewError, match=r"pip install 'gough\[view\]'"):
+    with pytest.raises(view.ViewError, match=r"pip install matplotlib"):
         view.draw_spectra([], 1e-9)
 
 

@@ -186,10 +186,7 @@ class Analysis:
                 "generic values are those of this configuration"
             )
         if self.assembly.moved:
-            found.append(
-                "the loops do not close at the described values; these gave way: "
-                + ", ".join(self.assembly.moved)
-            )
+            found.append(self.assembly.moved_text)
         if self.assembly.restarts:
             found.append(
                 f"the described start did not close; restart {self.assembly.restarts} from "
@@ -248,6 +245,7 @@ class Analysis:
                 "residual": self.assembly.residual,
                 "steps": self.assembly.steps,
                 "restarts": self.assembly.restarts,
+                "moved": list(self.assembly.moved),
             },
             "generic_samples": self.generic.samples,
             "seed": self.seed,

@@ -26,10 +26,8 @@ class Redundancy:
     """Closings whose equations imply them; if none, the joints of its own loop."""
 
     def __str__(self) -> str:
-        return (
-            f"{self.joint} repeats {self.equations} of its {self.of} equations, "
-            f"already imposed by {', '.join(self.implied_by)}"
-        )
+        of = "its equation" if self.of == 1 else f"{self.equations} of its {self.of} equations"
+        return f"{self.joint} repeats {of}, already imposed by {', '.join(self.implied_by)}"
 
 
 def redundancies(E: Array, blocks: tuple[Block, ...], threshold: float) -> list[Redundancy]:

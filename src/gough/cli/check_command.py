@@ -47,12 +47,18 @@ def command(robot: str, settings: tuple[str, ...], modelling: Any, as_json: bool
             "architecture": structure.architecture,
             "loops": structure.loops,
             "cut": [closing.name for closing in structure.closings],
-            "assembly": {"residual": assembly.residual, "steps": assembly.steps},
+            "assembly": {
+                "residual": assembly.residual,
+                "steps": assembly.steps,
+                "moved": list(assembly.moved),
+            },
         }
         print_json({"ok": True, **facts})
         return
     cut = ", ".join(closing.name for closing in structure.closings) or "nothing"
     click.echo(
-        f"{loaded.name} ({structure.architecture}) is right: {structure.loops} independent loops, "
-        f"closed to {assembly.residual:.1e}; equations come from {cut}."
+        f"{loaded.name} ({structure.architecture}) is right. Independent loops: {structure.loops}, "
+        f"closed to {assembly.residual:.1e}. Equations come from {cut}."
     )
+    if assembly.moved:
+        click.echo(f"Note: {assembly.moved_text}.")

@@ -14,7 +14,7 @@ from gough.errors import ClosureError, DescriptionError, GoughError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-WRONG_INPUT, MATHEMATICS_SAYS_NO = 2, 1
+WRONG_INPUT, MATHEMATICS_SAYS_NO, INTERRUPTED = 2, 1, 130
 
 
 def robot_argument(command: F) -> F:
@@ -61,6 +61,9 @@ def reporting_errors(command: F) -> F:
     def wrapped(*args: Any, as_json: bool, **options: Any) -> Any:
         try:
             return command(*args, as_json=as_json, **options)
+        except KeyboardInterrupt:
+            click.echo("Interrupted.", err=True)
+            sys.exit(INTERRUPTED)
         except GoughError as error:
             if as_json:
                 print_json(_error_data(error))

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator
 from fnmatch import fnmatchcase
 from typing import Any
 
 from gough import algebra as al
 from gough.description.expression import RESERVED, ExpressionError
-from gough.description.flat import Flat, flatten
+from gough.description.flat import OWN, Flat, flatten
 from gough.description.form import Description
 from gough.description.frames import FrameError, transform
 from gough.description.parts import Body, Constraint, Frame, Joint
@@ -73,7 +74,9 @@ class _Checker:
             self._check_graph()
 
     def report(self, path: Path, message: str, on_key: bool = False) -> None:
-        """Note a problem."""
+        """Note a problem; names of a leg's own parameters as they are written there."""
+        if path[:1] == ("legs",):
+            message = re.sub(rf"\b\w+?{OWN}(?=\w)", "", message)
         self.problems.append(Problem(message, path, on_key))
 
     # names and numbers
@@ -141,9 +144,11 @@ class _Checker:
                 )
         if body.home is not None:
             home = self._frame(body.home, (*path, "home"))
-            if body.free is None and name != self.mechanism.platform:
+            platform = self.mechanism.platform
+            lost = platform is not None and not self._is_body(platform)
+            if body.free is None and name != self.mechanism.platform and not lost:
                 self.report((*path, "home"), "only a free link or the platform has a home pose")
-            elif home is not None:
+            elif home is not None and (body.free is not None or not lost):
                 self._check_pose(name, home, (*path, "home"))
 
     def _check_pose(self, name: str, home: al.Transform, path: Path) -> None:
@@ -227,7 +232,8 @@ class _Checker:
         path = self.flat.paths[kind, name]
         for k, body in enumerate(part.bodies):
             if not self._is_body(body):
-                known = sorted({self.mechanism.base, *self.flat.bodies})
+                own = self.mechanism.legs[str(path[1])].bodies if path[0] == "legs" else ()
+                known = [*own, *sorted({self.mechanism.base, *self.flat.bodies})]
                 text = f"there is no body {body!r}.{closest(body, known)}"
                 self.report((*path, "bodies", k), text)
         if part.bodies[0] == part.bodies[1]:
@@ -305,6 +311,11 @@ class _Checker:
                 self.report(("operational", k), f"{name!r} is listed twice")
             elif name in POSE:
                 self._check_coordinate(name, ("operational", k))
+            elif platform is not None and name not in self.flat.joints:
+                known = [*POSE, *sorted(self.flat.joints)]
+                text = f"there is no output {name!r}.{closest(name, known)}"
+                if not self._is_broken(name):
+                    self.report(("operational", k), text)
             else:
                 self._check_single(name, ("operational", k))
                 joint = self.flat.joints.get(name)

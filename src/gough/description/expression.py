@@ -222,8 +222,8 @@ def _lookup(name: str, values: Mapping[str, Any]) -> Any:
 
 
 def _hint(name: str, values: Mapping[str, Any]) -> str:
-    """The closest known names, without those of legs, which have an underscore pair inside."""
-    return closest(name, sorted(known for known in values if "__" not in known))
+    """The closest known names; a leg's own parameter, leg1__q, goes by its short name."""
+    return closest(name, sorted({known.rpartition("__")[2] for known in values}))
 
 
 def _scalar(node: ast.expr, values: Mapping[str, Any]) -> Any:

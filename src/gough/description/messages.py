@@ -42,6 +42,10 @@ def _message(detail: ErrorDetails, path: Path) -> str:
             return f"expected a list, got {value}"
         case "string_type":
             return f"expected text, got {value}; numbers and true, false as text need quotes"
+        case "int_type" | "int_from_float" | "greater_than_equal" | "less_than_equal":
+            return f"expected a whole number from 1 to 1000, got {value}"
+        case "tuple_type" | "list_type" if path[-1] == "frames":
+            return f"expected a list of two frames, one on either body; got {value}"
         case "bool_type" | "bool_parsing":
             return f"expected true or false, got {value}"
     return f"{detail['msg']} (got {value})"

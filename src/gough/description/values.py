@@ -32,16 +32,25 @@ def evaluate_parameters(
     """
     done: dict[str, Any] = dict(given or {})
     open_: list[str] = []
-    reported: set[str] = set()
+    failed: set[str] = set()
 
     def value_of(name: str) -> Any:
         if name in done:
             return done[name]
+        if name in failed:
+            raise _Follows(f"parameter {name} has no value")
         if name in open_:
             raise _Circle([*open_[open_.index(name) :], name])
         open_.append(name)
         try:
             done[name] = _evaluate(parameters[name].value, _Lazy(parameters, value_of))
+        except ExpressionError as error:
+            failed.update(error.names if isinstance(error, _Circle) else [name])
+            if report is None:
+                raise ExpressionError(f"parameter {name}: {error}") from None
+            if not isinstance(error, _Follows):
+                report(error.names[0] if isinstance(error, _Circle) else name, str(error))
+            raise _Follows(f"parameter {name} has no value") from None
         finally:
             open_.pop()
         return done[name]
@@ -49,14 +58,13 @@ def evaluate_parameters(
     for name in parameters:
         try:
             value_of(name)
-        except ExpressionError as error:
-            if report is None:
-                raise ExpressionError(f"parameter {name}: {error}") from None
-            members = error.names if isinstance(error, _Circle) else [name]
-            if not reported.intersection(members):
-                report(members[0], str(error))
-            reported.update(members)
+        except _Follows:
+            continue
     return done
+
+
+class _Follows(ExpressionError):
+    """A parameter has no value because another has none, which was reported."""
 
 
 class _Circle(ExpressionError):

@@ -23,6 +23,7 @@ MAX_DEPTH = 64
 MAX_VALUES = 200_000
 MAX_DIGITS = 40
 MAX_PROBLEMS = 50
+QUOTES = "; text with [ ] inside, such as B[i], needs quotes"
 
 _LOADER: type[yaml.SafeLoader | yaml.CSafeLoader] = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -454,8 +455,14 @@ _WORDS = (
         "sequence entries are not allowed",
         "a list item '- ' cannot begin here; put it on its own line, aligned with its neighbours",
     ),
-    _Words("',' or ']'", "a list in brackets lacks a ',' or its closing ']' here"),
-    _Words("',' or '}'", "a mapping in braces lacks a ',' or its closing '}' here"),
+    _Words(
+        "',' or ']'",
+        "a list in brackets lacks a ',' or its closing ']' here" + QUOTES,
+    ),
+    _Words(
+        "',' or '}'",
+        "a mapping in braces lacks a ',' or its closing '}' here" + QUOTES,
+    ),
     _Words("expected ':'", "this line is no entry: write 'key: value'", at_start=True),
     _Words(
         "unexpected end of stream",

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from gough.robot import Robot
-from gough.studies.context import Context
+from gough.studies.context import POINTS, Context
 from gough.studies.folder import Folder, StudyError
 from gough.studies.html import page
 from gough.studies.plain import as_json
@@ -22,7 +22,7 @@ def study(
     folder: Path,
     progress: Callable[[str], None] | None = None,
     *,
-    points: int = 25,
+    points: int = POINTS,
     seed: int = 0,
 ) -> Path:
     """Write a report on a robot; the path of its page, ``report.html``.

@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+POINTS = 25
+"""Points of a sweep along each of its two coordinates, where nothing else is asked for."""
+
+
 def _silent(message: str) -> None:
     """What happens with progress that nobody asked for."""
 
@@ -26,7 +30,7 @@ class Context:
 
     robot: Robot
     seed: int = 0
-    points: int = 25
+    points: int = POINTS
     """Points of a sweep along each of its two coordinates."""
     progress: Callable[[str], None] = field(default=_silent, repr=False)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+NOISE = 1e-12
+"""What is smaller, of lengths and angles, is shown as zero."""
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 

@@ -62,7 +62,7 @@ def figure(width: float, height: float) -> Figure:
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise ViewError(f"pictures need matplotlib ({error}): pip install 'gough[view]'") from None
+        raise ViewError(f"pictures need matplotlib ({error}): pip install matplotlib") from None
     return Figure(figsize=(width, height), facecolor="white")
 
 
@@ -75,7 +75,7 @@ def lettering() -> Any:
     try:
         import matplotlib
     except ImportError as error:
-        raise ViewError(f"pictures need matplotlib ({error}): pip install 'gough[view]'") from None
+        raise ViewError(f"pictures need matplotlib ({error}): pip install matplotlib") from None
     settings: Any = LETTERING
     return matplotlib.rc_context(settings)
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gough import view
 from gough.robot import Robot
 from gough.studies.context import Context
-from gough.studies.numbers import written
+from gough.studies.numbers import NOISE, written
 from gough.studies.report import Paragraph, Section, Table
 
 MOST_ROWS = 14
@@ -76,7 +78,7 @@ def positions(robot: Robot) -> list[Position]:
     found = []
     for k, edge in enumerate(structure.edges):
         own = [v for v in structure.variables if v.edge == k]
-        part = q[robot.models.closure.slices[k]]
+        part = np.where(np.abs(q) < NOISE, 0.0, q)[robot.models.closure.slices[k]]
         turned = len(part) - len(own) == 1  # a unit quaternion stands for the last three freedoms
         plain = own[:-3] if turned else own
         for variable, value in zip(plain, part, strict=False):

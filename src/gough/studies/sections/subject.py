@@ -5,17 +5,13 @@ from __future__ import annotations
 import importlib.metadata
 import json
 import shlex
-from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
 
-from gough import catalogue
-from gough.description import Mechanism
 from gough.description.flat import Flat
 from gough.description.parts import Parameter
-from gough.errors import GoughError, Path
-from gough.robot import Robot, load
-from gough.studies.context import Context
+from gough.errors import Path
+from gough.studies.context import POINTS, Context
 from gough.studies.numbers import written
 from gough.studies.report import Block, Command, Paragraph, Section, Table
 
@@ -23,7 +19,7 @@ from gough.studies.report import Block, Command, Paragraph, Section, Table
 def section(context: Context) -> Section:
     """Name, architecture, parameters, versions, and the command that repeats the study."""
     mechanism, structure = context.robot.mechanism, context.robot.structure
-    command, whole = repeating(context.robot)
+    command, whole = repeating(context)
     done = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
     facts = {
         "name": mechanism.name,
@@ -100,30 +96,18 @@ def version() -> str:
         return "not installed"
 
 
-def repeating(robot: Robot) -> tuple[str, bool]:
-    """The command that repeats a study, and whether it is whole: the catalogue has the robot."""
-    name, chosen = robot.name, robot.structure.modelling
-    modelling = [] if chosen == robot.mechanism.modelling else [f"--modelling {chosen}"]
-    changes = _changes(robot.mechanism, name) if name in catalogue.names() else None
-    if changes is None:
-        return " ".join(["gough study FILE.yaml", *modelling]), False
-    return " ".join(["gough study", name, *changes, *modelling]), True
-
-
-def _changes(mechanism: Mechanism, name: str) -> list[str] | None:
-    """Options that lead from the robot of the catalogue to the mechanism; None if none do."""
-    try:
-        original = load(name).mechanism
-    except GoughError:
-        return None
-    changed = mechanism.model_copy(update={"parameters": original.parameters})
-    if changed != original or mechanism.parameters.keys() != original.parameters.keys():
-        return None
-    return list(_options(mechanism, original))
-
-
-def _options(mechanism: Mechanism, original: Mechanism) -> Iterator[str]:
-    for name, part in mechanism.parameters.items():
-        if part.value != original.parameters[name].value:
-            value = json.dumps(part.model_dump(mode="json")["value"]).replace('"', "")
-            yield f"--set {shlex.quote(f'{name}={value}')}"
+def repeating(context: Context) -> tuple[str, bool]:
+    """The command that repeats a study, and whether it is whole: the robot came from a file."""
+    origin = context.robot.origin
+    words = ["gough study", shlex.quote(origin.robot) if origin else "FILE.yaml"]
+    for name, value in origin.parameters.items() if origin else ():
+        plain = json.dumps(value).replace('"', "") if isinstance(value, list | tuple) else value
+        words.append(f"--set {shlex.quote(f'{name}={plain}')}")
+    chosen = context.robot.structure.modelling
+    if chosen != context.robot.mechanism.modelling:
+        words.append(f"--modelling {chosen}")
+    if context.points != POINTS:
+        words.append(f"--points {context.points}")
+    if context.seed:
+        words.append(f"--seed {context.seed}")
+    return " ".join(words), origin is not None
