@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 Path = tuple[str | int, ...]
+SHOWN = 50
+"""Problems of one description that are told in words; all of them are kept."""
 
 
 class GoughError(Exception):
@@ -44,7 +46,9 @@ class DescriptionError(GoughError, ValueError):
             sorted(problems, key=lambda problem: (problem.line or 0, problem.column or 0))
         )
         self.source = source
-        super().__init__("\n".join(problem.text(source) for problem in self.problems))
+        lines = [problem.text(source) for problem in self.problems[:SHOWN]]
+        hidden = len(self.problems) - len(lines)
+        super().__init__("\n".join(lines + ([f"… and {hidden} more"] if hidden else [])))
 
 
 class UnknownName(GoughError, LookupError):

@@ -268,3 +268,30 @@ def test_an_interruption_has_its_own_exit_code(monkeypatch):
     result = run("analyse", "2rpr")
     assert result.exit_code == 130
     assert result.stderr == "Interrupted.\n"
+
+
+def chain(tmp_path, end):
+    links = [f"p{k}: p{k + 1} + 1" for k in range(600)]
+    file = tmp_path / "chain.yaml"
+    parameters = ", ".join([*links, f"p600: {end}"])
+    file.write_text(f"name: chain\nparameters: {{{parameters}}}\ngravity: [p0, 0, 0]\n", "utf-8")
+    return str(file)
+
+
+def test_a_long_chain_of_parameters_has_a_value(tmp_path):
+    assert run("check", chain(tmp_path, 1)).exit_code == 0
+
+
+def test_a_long_chain_without_an_end_is_one_error(tmp_path):
+    result = run("check", chain(tmp_path, "sqrt(-1)"))
+    assert result.exit_code == 2
+    assert "p600" in result.stderr
+    assert len(result.stderr.splitlines()) <= 3
+
+
+def test_very_many_errors_are_counted(tmp_path):
+    file = tmp_path / "many.yaml"
+    bodies = "".join(f"  b{k}: {{mass: -1}}\n" for k in range(80))
+    file.write_text(f"name: many\nbodies:\n{bodies}", "utf-8")
+    lines = run("check", str(file)).stderr.splitlines()
+    assert (len(lines), lines[-1]) == (51, "… and 30 more")

@@ -55,11 +55,19 @@ def evaluate_parameters(
             open_.pop()
         return done[name]
 
-    for name in parameters:
-        try:
-            value_of(name)
-        except _Follows:
-            continue
+    left = list(parameters)
+    while left:
+        deep = []
+        for name in left:
+            try:
+                value_of(name)
+            except _Follows:
+                continue
+            except RecursionError:  # a long chain: what its end comes to is known by the next turn
+                deep.append(name)
+        if len(deep) == len(left):
+            raise ExpressionError(f"parameter {left[0]} is nested too deeply")
+        left = deep
     return done
 
 
