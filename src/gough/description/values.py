@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from gough.description.expression import Expression, ExpressionError
@@ -30,45 +30,14 @@ def evaluate_parameters(
     Raises:
         ExpressionError: a parameter has no value, and there is no ``report``.
     """
-    done: dict[str, Any] = dict(given or {})
-    open_: list[str] = []
-    failed: set[str] = set()
-
-    def value_of(name: str) -> Any:
-        if name in done:
-            return done[name]
-        if name in failed:
-            raise _Follows(f"parameter {name} has no value")
-        if name in open_:
-            raise _Circle([*open_[open_.index(name) :], name])
-        open_.append(name)
-        try:
-            done[name] = _evaluate(parameters[name].value, _Lazy(parameters, value_of))
-        except ExpressionError as error:
-            failed.update(error.names if isinstance(error, _Circle) else [name])
-            if report is None:
-                raise ExpressionError(f"parameter {name}: {error}") from None
-            if not isinstance(error, _Follows):
-                report(error.names[0] if isinstance(error, _Circle) else name, str(error))
-            raise _Follows(f"parameter {name} has no value") from None
-        finally:
-            open_.pop()
-        return done[name]
-
+    evaluation = _Evaluation(parameters, given or {}, report)
     left = list(parameters)
     while left:
-        deep = []
-        for name in left:
-            try:
-                value_of(name)
-            except _Follows:
-                continue
-            except RecursionError:  # a long chain: what its end comes to is known by the next turn
-                deep.append(name)
+        deep = [name for name in left if not evaluation.settled(name)]
         if len(deep) == len(left):
             raise ExpressionError(f"parameter {left[0]} is nested too deeply")
         left = deep
-    return done
+    return evaluation.done
 
 
 class _Follows(ExpressionError):
@@ -84,25 +53,68 @@ class _Circle(ExpressionError):
         super().__init__(f"the parameters refer to each other in a circle: {ring}")
 
 
-class _Lazy(Mapping[str, Any]):
-    """Parameters that are evaluated when an expression looks them up."""
+class _Evaluation(Mapping[str, Any]):
+    """Values of parameters, found when an expression looks them up."""
 
-    def __init__(self, parameters: Mapping[str, Parameter], value_of: Callable[[str], Any]) -> None:
-        self._parameters, self._value_of = parameters, value_of
+    def __init__(
+        self,
+        parameters: Mapping[str, Parameter],
+        given: Values,
+        report: Callable[[str, str], None] | None,
+    ) -> None:
+        self.parameters, self.report = parameters, report
+        self.done: dict[str, Any] = dict(given)
+        self.open: list[str] = []
+        self.failed: set[str] = set()
+
+    def settled(self, name: str) -> bool:
+        """Whether a parameter has its value, or certainly none.
+
+        At the end of a long chain it has neither yet; the next try begins where this one ended.
+        """
+        try:
+            self[name]
+        except _Follows:
+            return True
+        except RecursionError:
+            return False
+        return True
 
     def __getitem__(self, name: str) -> Any:
-        if name not in self._parameters:
+        if name not in self.parameters:
             raise KeyError(name)
-        return self._value_of(name)
+        if name in self.failed:
+            raise _Follows(f"parameter {name} has no value")
+        if name in self.open:
+            raise _Circle([*self.open[self.open.index(name) :], name])
+        if name not in self.done:
+            self.open.append(name)
+            try:
+                self.done[name] = _evaluate(self.parameters[name].value, self)
+            except ExpressionError as error:
+                self._fail(name, error)
+            finally:
+                self.open.pop()
+        return self.done[name]
+
+    def _fail(self, name: str, error: ExpressionError) -> None:
+        """Keep in mind that a parameter has no value, and tell it once."""
+        members = error.names if isinstance(error, _Circle) else [name]
+        self.failed.update(members)
+        if self.report is None:
+            raise ExpressionError(f"parameter {name}: {error}") from None
+        if not isinstance(error, _Follows):
+            self.report(members[0], str(error))
+        raise _Follows(f"parameter {name} has no value") from None
 
     def __contains__(self, name: object) -> bool:
-        return name in self._parameters
+        return name in self.parameters
 
-    def __iter__(self) -> Any:
-        return iter(self._parameters)
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.parameters)
 
     def __len__(self) -> int:
-        return len(self._parameters)
+        return len(self.parameters)
 
 
 def _evaluate(value: Any, values: Values) -> Any:
