@@ -13,7 +13,7 @@ test: lint types  ## everything that has to pass before a change lands
 	$(BIN)/pytest -n 2
 
 test-long: $(VENV)/.dev  ## many more random mechanisms and mutated files
-	$(BIN)/pytest -n 2 -m "long or not long" --hypothesis-profile=long
+	$(BIN)/pytest -n 2 --hypothesis-profile=long
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
