@@ -254,7 +254,7 @@ class Assembler:
             shift = away[part]
             single = edge.type.coordinates == edge.type.freedoms or variable.unit == "m"
             change = shift[variable.freedom] if single else shift[-4:].max()
-            guess = variable.role == "operational" and edge.name in structure.flat.joints
+            guess = variable.role == "operational" and not edge.link
             if self.given[k] and change > (GUESS if guess else KEPT):
                 lost.append(variable.name)
         return tuple(lost)

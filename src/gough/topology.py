@@ -35,6 +35,8 @@ class Edge:
     actuated: bool = False
     home: Any = None
     """Written position, or the frame of a free link; None if the description gives none."""
+    link: bool = False
+    """Whether it is no joint of the description but the placing of a free link, named by it."""
     parent: str = ""
     """The body nearer to the root, for a joint of the tree."""
 
@@ -139,7 +141,7 @@ class Structure:
         """Names of the joints around the loop of a closing, free links left out."""
         to_a, to_b = self.loop(*closing.bodies)
         edges = [self.edges[k] for k in (*to_a[::-1], *to_b)]
-        names = [edge.name for edge in edges if edge.name in self.flat.joints]
+        names = [edge.name for edge in edges if not edge.link]
         return (*names, closing.name)
 
     def columns(self, role: Role) -> list[int]:
@@ -188,10 +190,11 @@ def _variables(edges: Iterable[Edge], mechanism: Mechanism) -> Iterator[Variable
 def _role(edge: Edge, label: str, mechanism: Mechanism) -> Role:
     if edge.actuated:
         return "actuated"
-    of_platform = edge.name == mechanism.platform and isinstance(edge.type, Free)
-    if (label if of_platform else edge.name) in mechanism.operational:
-        return "operational"
-    return "passive"
+    if edge.link:
+        output = edge.name == mechanism.platform and label in mechanism.operational
+    else:
+        output = edge.name in mechanism.operational
+    return "operational" if output else "passive"
 
 
 class _Builder:
@@ -337,7 +340,7 @@ class _Builder:
         if self.mechanism.floating:
             kind = Free(PLANAR_MOVES if self.mechanism.motion == "planar" else POSE)
             here = (Frame(), Frame())
-            edges.insert(0, Edge(base, kind, (WORLD, base), here, {}, parent=WORLD))
+            edges.insert(0, Edge(base, kind, (WORLD, base), here, {}, link=True, parent=WORLD))
         placed, todo = {base, *self.free}, list(tree)
         while todo:
             ready = [edge for edge in todo if placed & set(edge.bodies)]
@@ -351,7 +354,8 @@ class _Builder:
 
     def _free_edge(self, body: str, kind: Free) -> Edge:
         home = self.flat.bodies[body].home
-        return Edge(body, kind, (self.mechanism.base, body), (Frame(), Frame()), {}, home=home)
+        here, bodies = (Frame(), Frame()), (self.mechanism.base, body)
+        return Edge(body, kind, bodies, here, {}, home=home, link=True)
 
     # what the closure equations are
 

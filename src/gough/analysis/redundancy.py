@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from gough.analysis.ranks import singular_values
 from gough.symbolic.closure import Block
 
 Array = NDArray[np.float64]
+Rank = Callable[[list[Block]], int]
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,8 @@ def _related(E: Array, earlier: list[Block], block: Block) -> list[Block]:
             columns = columns | np.any(E[earlier[k].rows] != 0, axis=0)
 
 
-def _smallest(earlier: list[Block], block: Block, added: int, rank: object) -> list[Block]:
+def _smallest(earlier: list[Block], block: Block, added: int, rank: Rank) -> list[Block]:
     """The first few of the earlier closings that imply what a block repeats."""
-    assert callable(rank)
     kept = list(earlier)
     for other in reversed(earlier):
         rest = [b for b in kept if b is not other]

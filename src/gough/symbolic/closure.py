@@ -156,7 +156,8 @@ class Closure:
     def _coupling(self, name: str) -> Row:
         """sum of factor × position - offset, in whatever unit the factors were written for."""
         coupling = self.structure.flat.couplings[name]
-        index = {edge.name: k for k, edge in enumerate(self.structure.edges)}
+        edges = enumerate(self.structure.edges)
+        index = {edge.name: k for k, edge in edges if not edge.link}
         residual: Scalar = al.mul(-1.0, scalar(coupling.offset, self.values))
         for joint, factor in coupling.terms.items():
             k = index[joint]

@@ -225,3 +225,20 @@ def test_every_joint_of_a_loop_has_a_motor():
                 joints={"pin": Joint(type="revolute", bodies=("base", "b"), actuated=True)},
             )
         )
+
+
+def test_a_joint_may_have_the_name_of_a_free_link():
+    robot = Robot(
+        Mechanism(
+            name="namesakes",
+            bodies={"arm": Body(free="all"), "rod": Body()},
+            joints={
+                "arm": Joint(type="revolute", bodies=("base", "rod")),
+                "ball": Joint(type="spherical", bodies=("rod", "arm")),
+            },
+            operational=("arm",),
+        )
+    )
+    assert robot.rates.counts.operational == 1
+    assert robot.analyse().mobility == 4
+    assert robot.structure.loop_joints(robot.structure.closings[0]) == ("arm", "ball")
