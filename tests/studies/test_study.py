@@ -312,3 +312,10 @@ def test_the_writer_escapes_everything() -> None:
 def test_sections_share_one_analysis() -> None:
     context = Context(load("2rpr"))
     assert context.analysis is context.analysis
+
+
+def test_an_isolated_assembly_is_not_called_regular(tmp_path: Path) -> None:
+    robot = load("five-bar", d=2.6, x=1.3, y=0, q=[0, "pi"])
+    text = study(robot, tmp_path / "isolated", points=3).read_text("utf-8")
+    assert "Whether it is singular is unknown" in text
+    assert "is not singular" not in text

@@ -248,6 +248,7 @@ class Analysis:
                 "moved": list(self.assembly.moved),
             },
             "generic_samples": self.generic.samples,
+            "isolated": self.isolated,
             "seed": self.seed,
             "printed_tests": self.printed_tests,
             "warnings": list(self.warnings),

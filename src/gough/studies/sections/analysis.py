@@ -52,6 +52,12 @@ def section(context: Context) -> Section:
 
 def _mobility(found: dict[str, Any]) -> str:
     here, usual = found["mobility"], found["mobility_generic"]
+    if found["isolated"]:
+        return (
+            f"The mobility is {here} here: {found['tree_dof']} variables less {found['rank']} "
+            "independent equations. No other closed configuration was found, so nothing is known "
+            f"of a generic one (seed {found['seed']}); the assembly may be unable to move at all."
+        )
     same = "here and at a generic configuration" if here == usual else f"here, {usual} generically"
     count = found["generic_samples"]
     return (
@@ -64,6 +70,8 @@ def _mobility(found: dict[str, Any]) -> str:
 
 def _singularity(found: dict[str, Any]) -> str:
     singular = found["singularity"]
+    if found["isolated"]:
+        return "Whether it is singular is unknown: there is no other configuration to compare with."
     kinds = [text for key, text in KINDS.items() if singular[key]]
     if not kinds and not any(found["excess"].values()):
         return "The home configuration is not singular."
