@@ -1,0 +1,213 @@
+"""The LLVM text of a kernel: a function over rows of arrays.
+
+    void kernel(const char *pointers[], const int64_t steps[], int64_t rows)
+
+``pointers`` holds the first row of each input and of the output, ``steps`` the distance in bytes
+from a row to the next. W rows are computed at a time. The last W are taken from the end, so that
+some rows are computed twice rather than one beyond the end; with fewer rows than W the last row
+fills the lanes. Inputs and output must not overlap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from gough.kernels.functions.large_angles import routine
+from gough.kernels.native.lanes import Lanes, routine_name
+from gough.kernels.native.rows import Rows
+from gough.kernels.native.stretches import Stretch, stretches
+from gough.kernels.tape import LEAVES, REAL, RESULTS, TRUTH, Tape, evaluate
+
+ENTRY = "kernel"
+"""Name of the function that is called."""
+
+
+@dataclass
+class KernelText:
+    """The module of one kernel for one number of lanes."""
+
+    tape: Tape
+    sizes: Sequence[int]
+    """Numbers in each input, none of them 0."""
+    width: int
+    longest: int
+    """Operations in one function at most."""
+
+    def __post_init__(self) -> None:
+        self._declarations: set[str] = set()
+        self._routines: set[str] = set()
+        self._operands = len(self.sizes) + 1
+        starts = [0]
+        for size in self.sizes:
+            starts.append(starts[-1] + size)
+        self._places = [
+            (operand, slot - starts[operand])
+            for operand, size in enumerate(self.sizes)
+            for slot in range(starts[operand], starts[operand] + size)
+        ]
+
+    def __str__(self) -> str:
+        plan = stretches(self.tape, self.width, self.longest)
+        if len(plan) == 1:
+            functions = [self._loop(plan, 0)]
+        else:
+            slots = 1 + max(slot for part in plan for slot in part.slots.values())
+            functions = [self._part(k, part) for k, part in enumerate(plan)]
+            functions.append(self._loop(plan, slots))
+        functions += [self._routine(name) for name in sorted(self._routines)]
+        return "\n".join([*functions, *sorted(self._declarations), self._attributes()])
+
+    def _attributes(self) -> str:
+        bits = 64 * self.width
+        width = f'"prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
+        return (
+            f"attributes #0 = {{ nounwind {width} }}\n"
+            f"attributes #1 = {{ nounwind noinline cold {width} }}\n"
+            '!0 = !{}\n!1 = !{!"branch_weights", i32 1, i32 1048576}\n'
+        )
+
+    # the loop over rows
+
+    def _loop(self, plan: Sequence[Stretch], slots: int) -> str:
+        lanes = Lanes(self.width)
+        step, last_start = self._entry(lanes, slots)
+        lanes.lines.append("  br label %loop")
+        lanes.start_block("loop")
+        lanes.lines.append("  %i = phi i64 [0, %entry], [%next, %latch]")
+        rows = self._row_pointers(lanes, step)
+        if len(plan) == 1:
+            self._stretch(lanes, plan[0], lambda operand, lane: rows[operand][lane])
+        else:
+            self._calls(lanes, rows, len(plan))
+        lanes.lines.append("  br label %latch")
+        lanes.start_block("latch")
+        lanes.lines += [
+            f"  %after = add i64 %i, {self.width}",
+            "  %done = icmp sge i64 %after, %rows",
+            f"  %far = icmp sgt i64 %after, {last_start}",
+            f"  %next = select i1 %far, i64 {last_start}, i64 %after",
+            "  br i1 %done, label %exit, label %loop",
+            "exit:",
+            "  ret void",
+        ]
+        self._collect(lanes)
+        head = f"define void @{ENTRY}(ptr %pointers, ptr %steps, i64 %rows) #0 {{\nentry:\n"
+        return head + "\n".join(lanes.lines) + "\n}\n"
+
+    def _entry(self, lanes: Lanes, slots: int) -> tuple[list[list[str]], str]:
+        """Offsets of the lanes' rows from the first for each operand, and the last first row."""
+        new, width = lanes.new, self.width
+        if slots:
+            lanes.lines.append(f"  %scratch = alloca [{slots} x {lanes.real}], align 64")
+            count = self._operands * width
+            lanes.lines.append(f"  %table = alloca [{count} x ptr], align 64")
+        last = new("sub i64 %rows, 1")
+        start = new(f"sub i64 %rows, {width}")
+        positive = new(f"icmp sgt i64 {start}, 0")
+        last_start = new(f"select i1 {positive}, i64 {start}, i64 0")
+        near = []
+        for lane in range(1, width):
+            beyond = new(f"icmp slt i64 {last}, {lane}")
+            near.append(new(f"select i1 {beyond}, i64 {last}, i64 {lane}"))
+        offsets = []
+        for operand in range(self._operands):
+            step = new(f"load i64, ptr {self._element('i64', '%steps', operand, lanes)}")
+            pointer = self._element("ptr", "%pointers", operand, lanes)
+            first = new(f"load ptr, ptr {pointer}")
+            offsets.append([first, step, *[new(f"mul i64 {step}, {lane}") for lane in near]])
+        return offsets, last_start
+
+    @staticmethod
+    def _element(kind: str, array: str, index: int, lanes: Lanes) -> str:
+        return lanes.new(f"getelementptr inbounds {kind}, ptr {array}, i64 {index}")
+
+    def _row_pointers(self, lanes: Lanes, offsets: list[list[str]]) -> list[list[str]]:
+        result = []
+        for first, step, *further in offsets:
+            shift = lanes.new(f"mul i64 %i, {step}")
+            row = lanes.new(f"getelementptr inbounds i8, ptr {first}, i64 {shift}")
+            others = [lanes.new(f"getelementptr inbounds i8, ptr {row}, i64 {k}") for k in further]
+            result.append([row, *others])
+        return result
+
+    def _calls(self, lanes: Lanes, rows: list[list[str]], parts: int) -> None:
+        for k, row in enumerate([row for operand in rows for row in operand]):
+            at = self._element("ptr", "%table", k, lanes)
+            lanes.lines.append(f"  store ptr {row}, ptr {at}")
+        for k in range(parts):
+            lanes.lines.append(f"  call void @part_{k}(ptr %table, ptr %scratch)")
+
+    # the work
+
+    def _part(self, number: int, part: Stretch) -> str:
+        """One stretch as a function; row pointers and values of other stretches are in memory."""
+        lanes = Lanes(self.width)
+        known: dict[tuple[int, int], str] = {}
+
+        def pointer(operand: int, lane: int) -> str:
+            if (operand, lane) not in known:
+                at = self._element("ptr", "%table", operand * self.width + lane, lanes)
+                known[operand, lane] = lanes.new(f"load ptr, ptr {at}")
+            return known[operand, lane]
+
+        self._stretch(lanes, part, pointer)
+        self._collect(lanes)
+        head = f"define internal void @part_{number}(ptr %table, ptr %scratch) #0 {{\nentry:\n"
+        return head + "\n".join(lanes.lines) + "\n  ret void\n}\n"
+
+    def _stretch(self, lanes: Lanes, part: Stretch, pointer: Any) -> None:
+        rows = Rows(lanes, pointer, self.sizes)
+        values: dict[int, str] = {}
+
+        def value(k: int) -> str:
+            if k not in values:
+                values[k] = self._fetched(lanes, rows, part, k)
+            return values[k]
+
+        for k in part.instructions:
+            op, operands = self.tape.code[k]
+            if op not in LEAVES:
+                name = op + "_" if op in ("not", "and", "or") else op
+                values[k] = getattr(lanes, name)(*[value(j) for j in operands])
+                if k in part.outgoing:
+                    self._keep(lanes, part.slots[k], k, values[k])
+            for first, columns in part.stores.get(k, ()):
+                rows.store(first, [value(j) for j in columns])
+
+    def _fetched(self, lanes: Lanes, rows: Rows, part: Stretch, k: int) -> str:
+        """A leaf, or a value of an earlier stretch."""
+        op, operands = self.tape.code[k]
+        if op == "input":
+            return rows.load(*self._places[operands[0]])
+        if op in LEAVES:
+            return getattr(lanes, op)(operands[0])
+        at = self._element(lanes.real, "%scratch", part.slots[k], lanes)
+        kind = RESULTS[op]
+        if kind == TRUTH:
+            word = lanes.new(f"load {lanes.word}, ptr {at}")
+            return lanes.new(f"icmp ne {lanes.word} {word}, {lanes.bits(0)}")
+        return lanes.new(f"load {lanes.real if kind == REAL else lanes.word}, ptr {at}")
+
+    def _keep(self, lanes: Lanes, slot: int, k: int, value: str) -> None:
+        at = self._element(lanes.real, "%scratch", slot, lanes)
+        kind = RESULTS[self.tape.code[k].op]
+        if kind == TRUTH:
+            value = lanes.new(f"sext {lanes.truth} {value} to {lanes.word}")
+        lanes.lines.append(
+            f"  store {lanes.real if kind == REAL else lanes.word} {value}, ptr {at}"
+        )
+
+    def _routine(self, name: str) -> str:
+        """The sine or cosine of large angles; it is called behind a branch."""
+        lanes = Lanes(self.width)
+        (result,) = evaluate(routine(name), lanes, ["%angle"])
+        self._declarations |= lanes.declarations
+        kind, own = lanes.real, routine_name(name, self.width)
+        head = f"define internal {kind} @{own}({kind} %angle) #1 {{\nentry:\n"
+        return head + "\n".join(lanes.lines) + f"\n  ret {kind} {result}\n}}\n"
+
+    def _collect(self, lanes: Lanes) -> None:
+        self._declarations |= lanes.declarations
+        self._routines |= lanes.routines
