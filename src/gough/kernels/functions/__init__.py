@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from gough.kernels.functions import sines
 from gough.kernels.value import Value
 
-FORMULAS: dict[str, Callable[..., Value]] = {}
+FORMULAS: dict[str, Callable[..., Value]] = {"sin": sines.sin, "cos": sines.cos, "tan": sines.tan}
 """For every function of a tape how it is written in primitives."""
+
+BOUNDS: dict[str, float] = {"sin": 1.0, "cos": 1.0, "tan": 2.5}
+"""The largest error of each function over its whole range, in ulp."""
