@@ -4,11 +4,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gough.kernels.functions import sines
+from gough.kernels.functions import arcs, exponentials, logarithms, sines
 from gough.kernels.value import Value
 
-FORMULAS: dict[str, Callable[..., Value]] = {"sin": sines.sin, "cos": sines.cos, "tan": sines.tan}
+FORMULAS: dict[str, Callable[..., Value]] = {
+    "sin": sines.sin,
+    "cos": sines.cos,
+    "tan": sines.tan,
+    "asin": arcs.asin,
+    "acos": arcs.acos,
+    "atan": arcs.atan,
+    "atan2": arcs.atan2,
+    "exp": exponentials.exp,
+    "log": logarithms.log,
+}
 """For every function of a tape how it is written in primitives."""
 
-BOUNDS: dict[str, float] = {"sin": 1.0, "cos": 1.0, "tan": 2.5}
+BOUNDS: dict[str, float] = {
+    **{"sin": 1.0, "cos": 1.0, "tan": 2.5},
+    **{"asin": 2.0, "acos": 2.0, "atan": 2.0, "atan2": 2.5},
+    **{"exp": 1.0, "log": 1.0},
+}
 """The largest error of each function over its whole range, in ulp."""
