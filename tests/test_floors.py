@@ -23,6 +23,8 @@ FLOORS = [
 LEVEL = {room: k for k, floor in enumerate(FLOORS) for room in floor}
 HEAVY = {
     "casadi": {"kernels", "symbolic", "models"},
+    "llvmlite": {"kernels"},
+    "numba": {"numerics"},
     "matplotlib": {"view"},
     "scipy": {"analysis"},
     "pydantic": {"description", "formats"},

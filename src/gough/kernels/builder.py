@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable, Sequence
 
 from gough.kernels.reference import Reference
-from gough.kernels.tape import LEAVES, REAL, RESULTS, Instruction, Tape
+from gough.kernels.tape import FUNCTIONS, LEAVES, REAL, RESULTS, Instruction, Tape
 
 COMMUTATIVE = frozenset(
     "add mul equal and or word_add word_mul word_and word_or word_xor word_equal".split()
@@ -97,7 +97,7 @@ class Builder:
         return number
 
     def _folded(self, op: str, operands: Sequence[int]) -> int | None:
-        if op in NEVER_FOLDED or RESULTS.get(op) is None or not hasattr(Reference, _method(op)):
+        if op in NEVER_FOLDED or op in FUNCTIONS:
             return None
         given = [self.code[k] for k in operands]
         return self.literal(RESULTS[op], Reference.folded(op, given))
@@ -170,10 +170,6 @@ class Builder:
     def _not(self, a: int) -> int:
         op, operands = self.code[a]
         return int(operands[0]) if op == "not" else self.write("not", a)
-
-
-def _method(op: str) -> str:
-    return op + "_" if op in ("not", "and", "or") else op
 
 
 def live(tape: Tape) -> Tape:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gough.kernels import arguments, threading
 from gough.kernels.expansion import expanded
 from gough.kernels.fusing import fused
+from gough.kernels.native.cache import digest
 from gough.kernels.native.compilation import Compilation
 from gough.kernels.reading import read
 from gough.kernels.tape import Tape
@@ -69,8 +70,9 @@ class Kernel:
     @cached_property
     def compilation(self) -> Compilation:
         """The program's machine code; its inputs are those that are not empty."""
-        sizes = [size for size in self.inputs.values() if size]
-        return Compilation(self.name, self.program, sizes or [1], self.shape)
+        sizes = [size for size in self.inputs.values() if size] or [1]
+        origin = digest(self._expression.serialize(), casadi.CasadiMeta.version(), str(self.fuse))
+        return Compilation(self.name, lambda: self.program, origin, sizes, self.shape)
 
     # calling
 
@@ -112,6 +114,6 @@ class Kernel:
         if rows == 1 and self._simple:
             self._single = function
         used = [array for array in checked if array.shape[-1]] or [np.zeros((*batch, 1))]
-        parts = threading.parts(rows * len(self.program), threads)
+        parts = threading.parts(rows * self._expression.n_instructions(), threads)
         threading.run(function, used, result, batch, parts)
         return result

@@ -7,15 +7,14 @@ for each divisor, factors of constants gathered, `if_else` seen as a selection.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
-
 import casadi
 
 from gough.errors import ConfigurationError
-from gough.kernels.builder import Builder
+from gough.kernels.builder import Builder, live
 from gough.kernels.tape import FUNCTIONS, TRUTH, Instruction, Tape
 
 _NAMES = {getattr(casadi, n): n[3:].lower() for n in dir(casadi) if n.startswith("OP_")}
+ONE = Instruction("constant", (1.0,))
 LARGEST_POWER = 32
 """Whole exponents up to this are multiplied out."""
 
@@ -215,19 +214,16 @@ def _starts(sizes: Sequence[int]) -> list[int]:
 def _undivided(tape: Tape) -> Tape:
     """Reciprocals that serve one product only become the quotient they were written as."""
     uses, code = tape.uses(), list(tape.code)
-    lone: Any = lambda k: code[k].op == "div" and uses[k] == 1 and _is_one(code, code[k])  # noqa: E731
+    lone = [
+        op == "div" and uses[k] == 1 and code[operands[0]] == ONE
+        for k, (op, operands) in enumerate(code)
+    ]
     summed = {k for op, operands in code if op in ("add", "sub") for k in operands}
     for k, (op, operands) in enumerate(tape.code):
         if op != "mul" or (k in summed and uses[k] == 1):
             continue  # a product in a sum is fused: the reciprocal is no dearer, and comes earlier
         for a, b in (operands, operands[::-1]):
-            if lone(b):
+            if lone[b]:
                 code[k] = Instruction("div", (a, code[b].operands[1]))
                 break
-    from gough.kernels.builder import live
-
     return live(Tape(tape.inputs, code, tape.outputs))
-
-
-def _is_one(code: Sequence[Instruction], quotient: Instruction) -> bool:
-    return code[quotient.operands[0]] == Instruction("constant", (1.0,))

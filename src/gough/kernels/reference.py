@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gough.kernels.tape import Instruction, Tape, evaluate
+from gough.kernels.tape import Instruction, Tape, evaluate, meaning
 
 Array = NDArray[np.float64]
 Words = NDArray[np.uint64]
@@ -57,10 +57,9 @@ class Reference:
     @classmethod
     def folded(cls, op: str, literals: Sequence[Instruction]) -> float | int | bool:
         """What an operation makes of literals."""
-        name = op + "_" if op in ("not", "and", "or") else op
         given = [_LITERALS[kind](value) for kind, (value,) in literals]
         with np.errstate(all="ignore"):
-            result: Any = getattr(cls, name)(*given)
+            result: Any = meaning(cls, op)(*given)
         return np.asarray(result).item()  # type: ignore[no-any-return]
 
 

@@ -137,7 +137,7 @@ def evaluate(tape: Tape, arithmetic: Any, inputs: Sequence[Any]) -> list[Any]:
     Methods of leaves (``constant``, ``flag``, ``bits``) get the literal, all others the values
     of their operands. A method whose name is a word of Python ends in an underscore (``not_``).
     """
-    meanings = {op: _meaning(arithmetic, op) for op in {op for op, _ in tape.code}}
+    meanings = {op: meaning(arithmetic, op) for op in {op for op, _ in tape.code} - {"input"}}
     values: list[Any] = []
     for op, operands in tape.code:
         if op == "input":
@@ -149,7 +149,6 @@ def evaluate(tape: Tape, arithmetic: Any, inputs: Sequence[Any]) -> list[Any]:
     return [values[k] for k in tape.outputs]
 
 
-def _meaning(arithmetic: Any, op: str) -> Any:
-    if op == "input":
-        return None
+def meaning(arithmetic: Any, op: str) -> Any:
+    """What an arithmetic does for an operation."""
     return getattr(arithmetic, op + "_" if op in ("not", "and", "or") else op)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -60,5 +61,5 @@ def run(
         function(*[array[place] for array in spread], out=out[place])
 
     with ThreadPoolExecutor(len(borders) - 1) as pool:
-        for done in [pool.submit(work, *pair) for pair in zip(borders, borders[1:], strict=False)]:
+        for done in [pool.submit(work, *pair) for pair in pairwise(borders)]:
             done.result()

@@ -24,43 +24,49 @@ CHECKED_EVERY = 32
 """New files between two looks at the size of the folder."""
 
 
+def digest(*parts: bytes | str) -> bytes:
+    """SHA-256 of some parts, each with its length."""
+    total = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        total.update(len(data).to_bytes(8, "little") + data)
+    return total.digest()
+
+
 class Cache:
-    """A folder of machine code; every failure of the disk only means that code is made anew."""
+    """A folder of contents under keys of 32 bytes; every failure of the disk only means that code is made anew."""
 
     def __init__(self, folder: Path | None, size: float = DEFAULT_SIZE) -> None:
         self.folder = folder
         self.size = size
         self._written = 0
 
-    def path(self, key: str) -> Path | None:
-        """Where the code of a key is kept, or None if nothing is kept."""
-        if self.folder is None:
-            return None
-        return self.folder / f"{hashlib.sha256(key.encode()).hexdigest()}.o"
+    def path(self, key: bytes) -> Path | None:
+        """Where the content of a key is kept, or None if nothing is kept."""
+        return None if self.folder is None else self.folder / f"{key.hex()}.o"
 
-    def get(self, key: str) -> bytes | None:
-        """The code of a key, if it is there and whole."""
+    def get(self, key: bytes) -> bytes | None:
+        """The content of a key, if it is there and whole."""
         path = self.path(key)
         if path is None:
             return None
         try:
-            content = path.read_bytes()
+            file = path.read_bytes()
         except OSError:
             return None
         head = len(MAGIC)
-        digest, code = content[head : head + 32], content[head + 32 :]
-        if content[:head] != MAGIC or hashlib.sha256(key.encode() + code).digest() != digest:
+        seal, content = file[head : head + 32], file[head + 32 :]
+        if file[:head] != MAGIC or digest(key, content) != seal:
             return None
         with suppress(OSError):
-            os.utime(path)  # the oldest files go first when the folder is full
-        return code
+            os.utime(path)  # the files not used for longest go first when the folder is full
+        return content
 
-    def put(self, key: str, code: bytes) -> None:
-        """Keep the code of a key."""
+    def put(self, key: bytes, content: bytes) -> None:
+        """Keep the content of a key."""
         path = self.path(key)
         if path is None:
             return
-        digest = hashlib.sha256(key.encode() + code).digest()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
@@ -68,7 +74,7 @@ class Cache:
             return
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(MAGIC + digest + code)
+                file.write(MAGIC + digest(key, content) + content)
             os.replace(name, path)
         except OSError:
             with suppress(OSError):

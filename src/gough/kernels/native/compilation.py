@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from threading import RLock
 from typing import Any, NamedTuple
 
+from gough.kernels.native.cache import digest
 from gough.kernels.native.machine import Loaded, host, level_for
-from gough.kernels.native.store import compiled
+from gough.kernels.native.store import compiled_from
 from gough.kernels.native.text import ENTRY, KernelText
 from gough.kernels.native.ufunc import Shape, Ufunc
 from gough.kernels.tape import Tape
 
 LONGEST = 4000
 """Operations of one function; longer programs become several."""
+
+
+_compiling = RLock()
+"""One thread compiles at a time; code in use must not be replaced."""
 
 
 class Addresses(NamedTuple):
@@ -29,13 +35,21 @@ class Compilation:
 
     Args:
         name: a name for numpy's messages.
-        program: a tape in primitives.
+        program: gives a tape in primitives; called if the code is not on the disk.
+        origin: a digest of what the program is made from.
         sizes: numbers in each input, none of them 0.
         shape: shape of the output, not empty.
     """
 
-    def __init__(self, name: str, program: Tape, sizes: Sequence[int], shape: Shape) -> None:
-        self._program, self._sizes = program, sizes
+    def __init__(
+        self,
+        name: str,
+        program: Callable[[], Tape],
+        origin: bytes,
+        sizes: Sequence[int],
+        shape: Shape,
+    ) -> None:
+        self._program, self._origin, self._sizes = program, origin, sizes
         self._ufunc = Ufunc(name, [(size,) for size in sizes], shape)
         self._loaded: dict[int, Loaded] = {}
 
@@ -60,7 +74,16 @@ class Compilation:
 
     def address(self, width: int) -> int:
         """The code with this many lanes."""
+        with _compiling:
+            return self._address(width)
+
+    def _address(self, width: int) -> int:
         if width not in self._loaded:
-            text = str(KernelText(self._program, self._sizes, width, LONGEST))
-            self._loaded[width] = compiled(text, level_for(self._program.operations))
+            origin = digest(self._origin, str(self._sizes), str(width))
+            self._loaded[width] = compiled_from(origin, lambda: self._text(width))
         return self._loaded[width].address(ENTRY)
+
+    def _text(self, width: int) -> tuple[str, int]:
+        """The LLVM text and the level of code generation."""
+        program = self._program()
+        return str(KernelText(program, self._sizes, width, LONGEST)), level_for(program.operations)

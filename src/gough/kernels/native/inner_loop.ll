@@ -16,7 +16,8 @@
 ;   7 expected strides of contiguous rows: int64[axes]
 ;   8 sizes    numbers in a row of each operand: int64[operands]
 ;
-; Rows that are not contiguous go through a buffer, eight at a time.
+; Rows that are not contiguous go through a buffer, eight at a time. saved_status and put_back stand in
+; a file for each kind of processor.
 
 %Layout = type { ptr, ptr, i64, i64, i64, ptr, ptr, ptr, ptr }
 
@@ -32,8 +33,9 @@ define void @inner_loop(ptr %args, ptr %dims, ptr %steps, ptr %layout) {
 entry:
   %rows = load i64, ptr %dims
   %some = icmp sgt i64 %rows, 0
-  br i1 %some, label %look, label %exit
+  br i1 %some, label %look, label %nothing
 look:
+  %status = call i64 @saved_status()
   %operands.at = getelementptr %Layout, ptr %layout, i64 0, i32 2
   %operands = load i64, ptr %operands.at
   %axes.at = getelementptr %Layout, ptr %layout, i64 0, i32 3
@@ -70,6 +72,9 @@ buffered:
   call void @buffered_loop(ptr %args, i64 %rows, ptr %steps, ptr %layout)
   br label %exit
 exit:
+  call void @put_back(i64 %status)
+  ret void
+nothing:
   ret void
 }
 

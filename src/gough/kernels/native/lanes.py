@@ -92,8 +92,12 @@ class Lanes:
 
     def _call(self, name: str, *operands: str) -> str:
         full = f"@llvm.{name}.{self._suffix}"
-        self.declarations.add(f"declare {self.real} {full}({', '.join([self.real] * len(operands))})")
-        return self.new(f"call {self.real} {full}({', '.join(f'{self.real} {a}' for a in operands)})")
+        self.declarations.add(
+            f"declare {self.real} {full}({', '.join([self.real] * len(operands))})"
+        )
+        return self.new(
+            f"call {self.real} {full}({', '.join(f'{self.real} {a}' for a in operands)})"
+        )
 
     def sqrt(self, a: str) -> str:
         """√a."""

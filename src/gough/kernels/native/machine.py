@@ -36,7 +36,7 @@ class Machine:
     def key(self) -> str:
         """What machine code depends on besides its text."""
         version = ".".join(str(n) for n in llvm.llvm_version_info)
-        return f"LLVM {version}\n{self.triple}\n{self.cpu}\n{self.features}"
+        return f"LLVM {version} small pic\n{self.triple}\n{self.cpu}\n{self.features}"
 
     def target(self, level: int) -> llvm.TargetMachine:
         """A code generator; each serves one engine."""
@@ -44,7 +44,7 @@ class Machine:
             cpu=self.cpu,
             features=self.features,
             opt=level,
-            reloc="default",
+            reloc="pic",  # absolute addresses of constants need not fit in 32 bits
             codemodel="small",
             jit=True,
         )

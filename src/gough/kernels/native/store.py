@@ -1,28 +1,82 @@
-"""Machine code of a text: from this process, from the disk, or made anew."""
+"""Machine code from this process, from the disk, or made anew.
+
+Code is kept under a digest of its LLVM text, the version of LLVM and the processor. Writing the text
+of a large model takes longer than reading its code, so a second key, of what the text is made from and
+of the sources that make it, leads to the first without the text.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
+from importlib import resources
+from importlib.resources.abc import Traversable
 from weakref import WeakValueDictionary
 
-from gough.kernels.native.cache import Cache, from_environment
+from gough.kernels.native.cache import Cache, digest, from_environment
 from gough.kernels.native.machine import Loaded, host
 
-_in_memory: WeakValueDictionary[str, Loaded] = WeakValueDictionary()
+_in_memory: WeakValueDictionary[bytes, Loaded] = WeakValueDictionary()
 
 
 def compiled(text: str, level: int) -> Loaded:
     """Code of an LLVM module, generated at a level and loaded."""
-    key = f"{host().key()}\nlevel {level}\n{text}"
+    key = _key(text, level)
+    known = _known(key)
+    if known is not None:
+        return known
+    code = host().object_code(text, level)
+    _disk().put(key, code)
+    loaded = _in_memory[key] = Loaded(code)
+    return loaded
+
+
+def compiled_from(origin: bytes, make: Callable[[], tuple[str, int]]) -> Loaded:
+    """Code of a module that need not be written if it has been before.
+
+    Args:
+        origin: a digest of all that the text depends on besides our sources and the processor.
+        make: gives the text and the level.
+    """
+    shortcut = digest(origin, sources(), host().key())
+    key = _disk().get(shortcut)
+    known = None if key is None else _known(key)
+    if known is not None:
+        return known
+    text, level = make()
+    loaded = compiled(text, level)
+    _disk().put(shortcut, _key(text, level))
+    return loaded
+
+
+def _key(text: str, level: int) -> bytes:
+    return digest(host().key(), str(level), text)
+
+
+def _known(key: bytes) -> Loaded | None:
     loaded = _in_memory.get(key)
     if loaded is None:
-        disk = _disk()
-        code = disk.get(key)
-        if code is None:
-            code = host().object_code(text, level)
-            disk.put(key, code)
-        loaded = _in_memory[key] = Loaded(code)
+        code = _disk().get(key)
+        if code is not None:
+            loaded = _in_memory[key] = Loaded(code)
     return loaded
+
+
+@cache
+def sources() -> bytes:
+    """A digest of the files that turn expressions into text."""
+    files = sorted(_files(resources.files("gough.kernels")), key=lambda file: str(file))
+    return digest(*(file.read_bytes() for file in files))
+
+
+def _files(folder: Traversable) -> list[Traversable]:
+    found = []
+    for entry in folder.iterdir():
+        if entry.is_dir():
+            found += _files(entry)
+        elif entry.name.endswith((".py", ".ll")):
+            found.append(entry)
+    return found
 
 
 @cache

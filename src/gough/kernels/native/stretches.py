@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
+from itertools import pairwise
 
 from gough.kernels.tape import LEAVES, Tape
 
@@ -59,7 +60,7 @@ def _ranges(tape: Tape, longest: int) -> list[range]:
             borders.append(k)
         seen += op not in LEAVES
     borders.append(len(tape.code))
-    return [range(a, b) for a, b in zip(borders, borders[1:], strict=False)]
+    return [range(a, b) for a, b in pairwise(borders)]
 
 
 def _last_uses(tape: Tape, stores: Stores, home: Sequence[int]) -> dict[int, int]:

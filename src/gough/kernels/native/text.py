@@ -18,7 +18,7 @@ from gough.kernels.functions.large_angles import routine
 from gough.kernels.native.lanes import Lanes, routine_name
 from gough.kernels.native.rows import Rows
 from gough.kernels.native.stretches import Stretch, stretches
-from gough.kernels.tape import LEAVES, REAL, RESULTS, TRUTH, Tape, evaluate
+from gough.kernels.tape import LEAVES, REAL, RESULTS, TRUTH, Tape, evaluate, meaning
 
 ENTRY = "kernel"
 """Name of the function that is called."""
@@ -169,8 +169,7 @@ class KernelText:
         for k in part.instructions:
             op, operands = self.tape.code[k]
             if op not in LEAVES:
-                name = op + "_" if op in ("not", "and", "or") else op
-                values[k] = getattr(lanes, name)(*[value(j) for j in operands])
+                values[k] = meaning(lanes, op)(*[value(j) for j in operands])
                 if k in part.outgoing:
                     self._keep(lanes, part.slots[k], k, values[k])
             for first, columns in part.stores.get(k, ()):
@@ -182,7 +181,7 @@ class KernelText:
         if op == "input":
             return rows.load(*self._places[operands[0]])
         if op in LEAVES:
-            return getattr(lanes, op)(operands[0])
+            return str(getattr(lanes, op)(operands[0]))
         at = self._element(lanes.real, "%scratch", part.slots[k], lanes)
         kind = RESULTS[op]
         if kind == TRUTH:

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from gough.kernels.native.machine import Loaded
+from gough.errors import ConfigurationError
+from gough.kernels.native.machine import Loaded, host
 from gough.kernels.native.store import compiled
 
 NPY_DOUBLE = 12
@@ -83,9 +84,19 @@ def _signature(inputs: Sequence[Shape], output: Shape) -> str:
 
 @cache
 def _inner_loop() -> Loaded:
-    """The loop that all kernels share; held for ever."""
-    text = (resources.files(__package__) / "inner_loop.ll").read_text("utf-8")
-    return compiled(text, level=2)
+    """The loop that all kernels share; held for ever.
+
+    Raises:
+        ConfigurationError: the processor is of a kind that kernels do not know.
+    """
+    kind = host().triple.split("-")[0]
+    kind = {"arm64": "aarch64", "amd64": "x86_64"}.get(kind, kind)
+    folder = resources.files(__package__)
+    status = folder / f"status_{kind}.ll"
+    if not status.is_file():
+        raise ConfigurationError(f"kernels run on x86_64 and aarch64 processors, not on {kind}")
+    texts = [(folder / "inner_loop.ll").read_text("utf-8"), status.read_text("utf-8")]
+    return compiled("\n".join(texts), level=2)
 
 
 def _numpy_function(index: int) -> int:
