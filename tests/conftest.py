@@ -1,7 +1,7 @@
 """Set-up of all tests.
 
-Hypothesis tries few random cases by default, many with --hypothesis-profile=long. Machine code is kept in
-a folder of its own for each run.
+Hypothesis tries few random cases by default, many with --hypothesis-profile=long. Machine code is
+kept in a folder of its own for each run.
 """
 
 import os

@@ -12,9 +12,9 @@ from collections.abc import Callable, Sequence
 from gough.kernels.reference import Reference
 from gough.kernels.tape import FUNCTIONS, LEAVES, REAL, RESULTS, Instruction, Tape
 
-COMMUTATIVE = frozenset(
-    "add mul equal and or word_add word_mul word_and word_or word_xor word_equal".split()
-)
+COMMUTATIVE = frozenset(("add", "mul", "equal", "and", "or")) | {
+    *("word_add", "word_mul", "word_and", "word_or", "word_xor", "word_equal")
+}
 NEVER_FOLDED = frozenset(("fma", "fms", "fnma", "careful_sin", "careful_cos"))
 """The reference has no meaning for the first three; the others are only reached by functions."""
 

@@ -7,7 +7,7 @@ from gough.kernels.tape import Instruction, Tape
 
 
 def fused(tape: Tape) -> Tape:
-    """The tape with a·b + c, a·b - c and c - a·b in one rounding where the product has no other use.
+    """The tape with a·b + c, a·b - c, c - a·b in one rounding where the product has no other use.
 
     Of two products in one sum the second becomes part of the fused operation.
     """

@@ -50,7 +50,7 @@ class Kernel:
         self.fuse = fuse
         # CasADi stores by columns; the transposed output read by columns is rows first.
         flat = casadi.densify(casadi.vec(output.T))
-        self._expression = casadi.Function("kernel", list(inputs.values()), [flat])
+        self.expression = casadi.Function("kernel", list(inputs.values()), [flat])
         self._simple = all(self.inputs.values()) and bool(self.inputs) and prod(self.shape) > 0
         self._single: Any = None
 
@@ -59,7 +59,7 @@ class Kernel:
     @cached_property
     def tape(self) -> Tape:
         """The program with its functions by name."""
-        return read(self._expression)
+        return read(self.expression)
 
     @cached_property
     def program(self) -> Tape:
@@ -71,7 +71,7 @@ class Kernel:
     def compilation(self) -> Compilation:
         """The program's machine code; its inputs are those that are not empty."""
         sizes = [size for size in self.inputs.values() if size] or [1]
-        origin = digest(self._expression.serialize(), casadi.CasadiMeta.version(), str(self.fuse))
+        origin = digest(self.expression.serialize(), casadi.CasadiMeta.version(), str(self.fuse))
         return Compilation(self.name, lambda: self.program, origin, sizes, self.shape)
 
     # calling
@@ -114,6 +114,8 @@ class Kernel:
         if rows == 1 and self._simple:
             self._single = function
         used = [array for array in checked if array.shape[-1]] or [np.zeros((*batch, 1))]
-        parts = threading.parts(rows * self._expression.n_instructions(), threads)
+        if out is not None:  # rows are computed in blocks, some of them twice
+            used = [array.copy() if np.may_share_memory(array, out) else array for array in used]
+        parts = threading.parts(rows * self.expression.n_instructions(), threads)
         threading.run(function, used, result, batch, parts)
         return result

@@ -50,10 +50,7 @@ def run(
         return
     axis = int(np.argmax(batch))
     borders = np.linspace(0, batch[axis], min(parts, batch[axis]) + 1).astype(int)
-    spread = []
-    for array in arrays:
-        own = array.copy() if np.may_share_memory(array, out) else array
-        spread.append(np.broadcast_to(own, (*batch, own.shape[-1])))
+    spread = [np.broadcast_to(array, (*batch, array.shape[-1])) for array in arrays]
     whole = (slice(None),) * axis
 
     def work(begin: int, end: int) -> None:

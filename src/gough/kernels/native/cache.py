@@ -1,8 +1,8 @@
 """Machine code on disk, so that it is made once for all processes.
 
-A file holds a digest of its content, so that a broken or foreign file is seen and replaced; files appear by an
-atomic rename, so that several processes may share the folder. Switches in the environment:
-``GOUGH_CACHE_DIR`` names the folder, ``GOUGH_CACHE=off`` leaves the disk alone, and
+A file holds a digest of its content, so that a broken or foreign file is seen and replaced; files
+appear by an atomic rename, so that several processes may share the folder. Switches in the
+environment: ``GOUGH_CACHE_DIR`` names the folder, ``GOUGH_CACHE=off`` leaves the disk alone, and
 ``GOUGH_CACHE_SIZE`` bounds the folder in MB (256).
 """
 
@@ -34,7 +34,7 @@ def digest(*parts: bytes | str) -> bytes:
 
 
 class Cache:
-    """A folder of contents under keys of 32 bytes; every failure of the disk only means that code is made anew."""
+    """A folder of contents under keys of 32 bytes; a failing disk only means work done anew."""
 
     def __init__(self, folder: Path | None, size: float = DEFAULT_SIZE) -> None:
         self.folder = folder

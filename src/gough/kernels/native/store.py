@@ -1,8 +1,8 @@
 """Machine code from this process, from the disk, or made anew.
 
-Code is kept under a digest of its LLVM text, the version of LLVM and the processor. Writing the text
-of a large model takes longer than reading its code, so a second key, of what the text is made from and
-of the sources that make it, leads to the first without the text.
+Code is kept under a digest of its LLVM text, the version of LLVM and the processor. Writing the
+text of a large model takes longer than reading its code, so a second key, of what the text is made
+from and of the sources that make it, leads to the first without the text.
 """
 
 from __future__ import annotations
