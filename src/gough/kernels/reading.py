@@ -7,6 +7,7 @@ for each divisor, factors of constants gathered, `if_else` seen as a selection.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+
 import casadi
 
 from gough.errors import ConfigurationError

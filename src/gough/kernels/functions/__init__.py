@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gough.kernels.functions import arcs, exponentials, logarithms, sines
+from gough.kernels.functions import (
+    arcs,
+    error_function,
+    exponentials,
+    hyperbolics,
+    logarithms,
+    powers,
+    sines,
+)
 from gough.kernels.value import Value
 
 FORMULAS: dict[str, Callable[..., Value]] = {
@@ -16,13 +24,22 @@ FORMULAS: dict[str, Callable[..., Value]] = {
     "atan": arcs.atan,
     "atan2": arcs.atan2,
     "exp": exponentials.exp,
+    "expm1": hyperbolics.expm1,
     "log": logarithms.log,
+    "log1p": hyperbolics.log1p,
+    "sinh": hyperbolics.sinh,
+    "cosh": hyperbolics.cosh,
+    "tanh": hyperbolics.tanh,
+    "erf": error_function.erf,
+    "pow": powers.pow_,
 }
 """For every function of a tape how it is written in primitives."""
 
 BOUNDS: dict[str, float] = {
     **{"sin": 1.0, "cos": 1.0, "tan": 2.5},
-    **{"asin": 2.0, "acos": 2.0, "atan": 2.0, "atan2": 2.5},
-    **{"exp": 1.0, "log": 1.0},
+    **{"asin": 2.0, "acos": 2.0, "atan": 2.5, "atan2": 2.5},
+    **{"exp": 1.0, "expm1": 3.0, "log": 1.0, "log1p": 2.0},
+    **{"sinh": 4.0, "cosh": 3.0, "tanh": 4.0, "erf": 1.5},
+    "pow": 1500.0,
 }
 """The largest error of each function over its whole range, in ulp."""

@@ -24,18 +24,27 @@ def exp(x: Value) -> Value:
 
     With k the whole number nearest to x/ln 2, eˣ = 2ᵏ exp(x - k ln 2) (Cody and Waite 1980).
     """
-    x = where(x < -LARGEST, -LARGEST, where(x > LARGEST, LARGEST, x))
+    k, rest, tail = reduced(where(x < -LARGEST, -LARGEST, where(x > LARGEST, LARGEST, x)))
+    grown = 1.0 + series(rest, tail)
+    # two factors, so that the second alone rounds where the result is subnormal
+    first = (k * 0.5 + MAGIC) - MAGIC
+    return (grown * power_of_two(first)) * power_of_two(k - first)
+
+
+def reduced(x: Value) -> tuple[Value, Value, Value]:
+    """k, r and the rounding error of r, with x = k ln 2 + r and k whole; |x| ≤ 800."""
     shifted = x * (1.0 / math.log(2.0)) + MAGIC
     k = shifted - MAGIC
     high, low = x - k * LN2_HIGH, k * LN2_LOW
     rest = high - low
-    tail = (high - rest) - low
-    grown = 1.0 + (rest + (rest * rest * polynomial(rest, EXP) + tail))
-    # two factors, so that the second alone rounds where the result is subnormal
-    first = (k * 0.5 + MAGIC) - MAGIC
-    return (grown * _power_of_two(first)) * _power_of_two(k - first)
+    return k, rest, (high - rest) - low
 
 
-def _power_of_two(k: Value) -> Value:
+def series(rest: Value, tail: Value) -> Value:
+    """eʳ - 1 for a reduced argument."""
+    return rest + (rest * rest * polynomial(rest, EXP) + tail)
+
+
+def power_of_two(k: Value) -> Value:
     """2ᵏ for a whole number -1022 ≤ k ≤ 1023."""
     return (((k + MAGIC).word() + 1023) << 52).real()

@@ -7,10 +7,10 @@ from and of the sources that make it, leads to the first without the text.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cache
-from importlib import resources
-from importlib.resources.abc import Traversable
+from pathlib import Path
 from weakref import WeakValueDictionary
 
 from gough.kernels.native.cache import Cache, digest, from_environment
@@ -65,18 +65,13 @@ def _known(key: bytes) -> Loaded | None:
 @cache
 def sources() -> bytes:
     """A digest of the files that turn expressions into text."""
-    files = sorted(_files(resources.files("gough.kernels")), key=lambda file: str(file))
-    return digest(*(file.read_bytes() for file in files))
-
-
-def _files(folder: Traversable) -> list[Traversable]:
-    found = []
-    for entry in folder.iterdir():
-        if entry.is_dir():
-            found += _files(entry)
-        elif entry.name.endswith((".py", ".ll")):
-            found.append(entry)
-    return found
+    contents = []
+    for folder, _, names in sorted(os.walk(Path(__file__).parents[1])):
+        for name in sorted(names):
+            if name.endswith((".py", ".ll")):
+                with open(os.path.join(folder, name), "rb") as file:
+                    contents.append(file.read())
+    return digest(*contents)
 
 
 @cache

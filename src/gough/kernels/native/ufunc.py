@@ -9,8 +9,8 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from functools import cache
-from importlib import resources
 from math import prod
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -91,7 +91,7 @@ def _inner_loop() -> Loaded:
     """
     kind = host().triple.split("-")[0]
     kind = {"arm64": "aarch64", "amd64": "x86_64"}.get(kind, kind)
-    folder = resources.files(__package__)
+    folder = Path(__file__).parent
     status = folder / f"status_{kind}.ll"
     if not status.is_file():
         raise ConfigurationError(f"kernels run on x86_64 and aarch64 processors, not on {kind}")
