@@ -23,7 +23,7 @@ FLOORS = [
 LEVEL = {room: k for k, floor in enumerate(FLOORS) for room in floor}
 HEAVY = {
     "casadi": {"kernels", "symbolic", "models"},
-    "llvmlite": {"kernels"},
+    "llvmlite": {"kernels", "numerics"},
     "numba": {"numerics"},
     "matplotlib": {"view"},
     "scipy": {"analysis"},

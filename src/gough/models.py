@@ -19,6 +19,14 @@ from gough.topology import Structure
 Array = NDArray[np.float64]
 
 
+CLOSURE_MODELS = {
+    "residual": "closure equations F(q)",
+    "jacobian": "Jacobian E(q) of the closure equations by the rates of the variables",
+    "poses": "T_root_body, a 4×4 matrix for each body of the tree",
+}
+"""What each kernel that is not for search alone computes."""
+
+
 class Models:
     """Kernels of one structure; every kernel takes positions ``q`` and live parameters ``p``."""
 
@@ -63,6 +71,11 @@ class Models:
             output = self.closure.body_jacobian(body)
             self._body_jacobians[body] = self._kernel("body_jacobian", output)
         return self._body_jacobians[body]
+
+    def kernels(self) -> dict[str, Kernel]:
+        """The kernels of `CLOSURE_MODELS` that have results, by name."""
+        found = {name: getattr(self, name) for name in CLOSURE_MODELS}
+        return {name: kernel for name, kernel in found.items() if 0 not in kernel.shape}
 
     def _kernel(self, name: str, output: casadi.SX, shape: tuple[int, ...] | None = None) -> Kernel:
         return Kernel(name, {"q": self.closure.q, "p": self.closure.p}, output, shape)

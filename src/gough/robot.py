@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +20,7 @@ from gough.assembly import Assembler, Assembly
 from gough.description import Mechanism
 from gough.errors import ConfigurationError, DescriptionError, Problem
 from gough.formats.native import Source
-from gough.models import Models
+from gough.models import CLOSURE_MODELS, Models
 from gough.topology import Modelling, Role, Structure
 
 Array = NDArray[np.float64]
@@ -117,6 +118,36 @@ class Robot:
             raise ConfigurationError(f"the seed is {seed}; it must be 0 or more")
         return analyse(self.assembler, self.home.assembly, seed)
 
+    # programs
+
+    def operations(self) -> dict[str, dict[str, int]]:
+        """How many operations each model takes, by kind: mul, add, div, sqrt, trig, select …"""
+        return {name: kernel.tape.counts() for name, kernel in self.models.kernels().items()}
+
+    def export_c(self, folder: str | Path) -> list[Path]:
+        """Write every model as C99 into a folder; the files written.
+
+        Each is a function of positions ``q`` and, if there are any, live parameters ``p``, and the
+        same over many rows. Compiled without contraction it gives the bits of this library.
+
+        Raises:
+            ConfigurationError: the folder can not be written.
+        """
+        return self._export("c", folder)
+
+    def export_cuda(self, folder: str | Path) -> list[Path]:
+        """Write every model as CUDA C into a folder, as `export_c`."""
+        return self._export("cuda", folder)
+
+    def _export(self, language: str, folder: str | Path) -> list[Path]:
+        prefix = re.sub(r"\W", "_", self.name, flags=re.ASCII)
+        prefix = prefix if prefix[:1].isalpha() else f"robot_{prefix}"
+        texts: dict[str, str] = {}
+        for name, kernel in self.models.kernels().items():
+            about = f"{self.name}: {CLOSURE_MODELS[name]}"
+            texts |= kernel.files(language, f"{prefix}_{name}", about)
+        return [_written(Path(folder) / name, text) for name, text in texts.items()]
+
     # rates at the home configuration
 
     @cached_property
@@ -158,6 +189,15 @@ class Robot:
                     position = _rotation_vector_last(position)
                 picked.extend(x for x, r in zip(position, roles, strict=True) if r == role)
         return np.array(picked)
+
+
+def _written(path: Path, text: str) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, "utf-8")
+    except OSError as error:
+        raise ConfigurationError(f"{path} can not be written: {error.strerror}") from None
+    return path
 
 
 def _rotation_vector_last(position: Array) -> Array:

@@ -11,6 +11,7 @@ from gough import __version__
 COMMANDS = {
     "analyse": "Mobility, redundancy and singularity of a mechanism.",
     "check": "Check a description: every error of the file at once.",
+    "export": "Models as C or CUDA code, or how many operations they take.",
     "list": "The robots of the catalogue.",
     "study": "A report on a mechanism, with pictures.",
 }

@@ -11,7 +11,7 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gough.kernels import arguments, threading
+from gough.kernels import arguments, languages, threading
 from gough.kernels.expansion import expanded
 from gough.kernels.fusing import fused
 from gough.kernels.native.cache import digest
@@ -73,6 +73,20 @@ class Kernel:
         sizes = [size for size in self.inputs.values() if size] or [1]
         origin = digest(self.expression.serialize(), casadi.CasadiMeta.version(), str(self.fuse))
         return Compilation(self.name, lambda: self.program, origin, sizes, self.shape)
+
+    def files(self, language: str, name: str, about: str = "") -> dict[str, str]:
+        """The program in another language, as texts by file name; the same bits as here.
+
+        Args:
+            language: one of `languages.LANGUAGES`.
+            name: of the function and of the files.
+            about: what it computes, for the comment on top.
+
+        Raises:
+            UnknownName: there is no such language.
+            ConfigurationError: the name is none in the language.
+        """
+        return languages.files(language, name, self.program, self.inputs, about, self.shape)
 
     # calling
 
