@@ -104,7 +104,7 @@ def longest(request, monkeypatch):
 @pytest.mark.skipif(shutil.which("g++") is None, reason="there is no g++")
 @pytest.mark.parametrize("fused", [False, True], ids=["plain", "fused"])
 def test_on_the_cpu_the_bits_are_those_of_the_reference(tmp_path, fused, longest):
-    checked = cases(10, min(how_many(60), 1000), fused=fused) + large_angles()
+    checked = cases(10, min(how_many(30), 1000), fused=fused) + large_angles()
     text = ON_THE_CPU + with_callers(checked, EVERY_THREAD)
     flags = [
         "-shared",

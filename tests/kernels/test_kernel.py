@@ -205,3 +205,51 @@ def test_models_of_the_catalogue(name):
         plain = Kernel("plain", {"q": closure.q, "p": closure.p}, expression, fuse=False)
         rows = np.hstack([q, np.broadcast_to(p, (len(q), len(p)))])
         assert_same(plain(q, p).reshape(len(q), -1), run(plain.program, rows))
+
+
+# complex numbers and intervals
+
+
+def test_complex_numbers_give_derivatives():
+    x, step = np.array([0.3, 1.1, -0.7]), 1e-30
+    columns = []
+    for k in range(3):
+        z = x.astype(complex)
+        z[k] += 1j * step
+        columns.append(WAVES.complex_lanes(z.view(float), [0.5, 0.0])[..., 1] / step)
+    h = 1e-6
+    for k, column in enumerate(columns):
+        e = h * np.eye(3)[k]
+        central = (WAVES(x + e, [0.5]) - WAVES(x - e, [0.5])) / (2 * h)
+        np.testing.assert_allclose(column, central, atol=1e-8)
+
+
+def test_intervals_contain_what_they_must():
+    rng = np.random.default_rng(8)
+    low = rng.normal(size=(30, 3))
+    width = 10.0 ** rng.uniform(-8, -1, (30, 1))
+    bounds = np.stack([low, low + width], axis=-1).reshape(30, 6)
+    found = WAVES.intervals(bounds, [0.5, 0.5])
+    assert found.shape == (30, 3, 3, 2)
+    for inside in (0.0, 0.3, 1.0):
+        values = WAVES(low + inside * width, [0.5])
+        assert (found[..., 0] <= values).all()
+        assert (values <= found[..., 1]).all()
+    assert (found[..., 1] - found[..., 0] < 40 * width[..., None]).all()
+
+
+@pytest.mark.parametrize("name", names())
+def test_complex_numbers_and_intervals_of_the_catalogue(name):
+    robot = gough.load(name)
+    kernel, p = robot.models.jacobian, robot.models.parameters()
+    q = robot.home.q + 0.1 * np.random.default_rng(4).normal(size=(9, robot.models.positions))
+    expected = kernel(q, p)
+    pairs = [np.stack([x, np.zeros_like(x)], axis=-1).reshape(*x.shape[:-1], -1) for x in (q, p)]
+    found = kernel.complex_lanes(*pairs)
+    np.testing.assert_allclose(found[..., 0], expected, rtol=1e-13, atol=1e-14)
+    np.testing.assert_array_equal(found[..., 1], 0)
+    points = [np.repeat(x, 2, axis=-1) for x in (q, p)]
+    bounds = kernel.intervals(*points)
+    assert (bounds[..., 0] <= expected).all()
+    assert (expected <= bounds[..., 1]).all()
+    assert (bounds[..., 1] - bounds[..., 0] <= 1e-11 * (1 + np.abs(expected))).all()
