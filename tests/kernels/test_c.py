@@ -61,6 +61,16 @@ def test_fused_kernels_have_the_same_bits_on_every_machine(tmp_path, flags):
 
 
 @needs_gcc
+def test_minus_a_fused_sum_of_zero_is_minus_zero(tmp_path):
+    """GCC would make fma(-a, b, -c) of -fma(a, b, c), with the other sign for a = c = 0."""
+    inputs = [Instruction("input", (k,)) for k in range(3)]
+    tape = Tape(3, [*inputs, Instruction("fma", (0, 1, 2)), Instruction("neg", (3,))], [4])
+    rows = np.zeros((32, 3))
+    case = Case("fused", tape, {"q": 3}, rows, np.full((32, 1), -0.0))
+    check_all(library(tmp_path, [case], *STRICT, "-march=native"), [case], "{}_batch")
+
+
+@needs_gcc
 def test_large_angles(tmp_path):
     checked = cases(2, 8, size=60, careful=True)
     used = {op for case in checked for op, _ in case.tape.code}

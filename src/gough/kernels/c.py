@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from gough.kernels.c_family import OPERATIONS, Kernel, Language
+from gough.kernels.c_family import OPERATIONS, Language, Program
 from gough.kernels.tape import REAL, TRUTH, WORD, Tape
 
 C99 = Language(
@@ -129,13 +129,13 @@ def c_source(
     Raises:
         ConfigurationError: the kernel or an input has a name that C does not take.
     """
-    kernel = Kernel.checked(C99, name, tape, inputs)
-    comment = kernel.comment(about, shape, _NOTES)
-    return CSource(_header(kernel, comment), _source(kernel, comment))
+    program = Program.checked(C99, name, tape, inputs)
+    comment = program.comment(about, shape, _NOTES)
+    return CSource(_header(program, comment), _source(program, comment))
 
 
-def _header(kernel: Kernel, comment: str) -> str:
-    guard = f"{kernel.name.upper()}_H"
+def _header(program: Program, comment: str) -> str:
+    guard = f"{program.name.upper()}_H"
     return f"""\
 {comment}#ifndef {guard}
 #define {guard}
@@ -147,10 +147,10 @@ extern "C" {{
 #endif
 
 /* One row. The outputs must not overlap the inputs. */
-{kernel.row_head()};
+{program.row_head()};
 
 /* Rows that stand one after the other in each array. */
-{kernel.batch_head()};
+{program.batch_head()};
 
 #ifdef __cplusplus
 }}
@@ -160,21 +160,23 @@ extern "C" {{
 """
 
 
-def _source(kernel: Kernel, comment: str) -> str:
-    function = kernel.function()
-    helpers = [text for cast, text in _HELPERS.items() if cast.format(name=kernel.name) in function]
+def _source(program: Program, comment: str) -> str:
+    function = program.function()
+    helpers = [
+        text for cast, text in _HELPERS.items() if cast.format(name=program.name) in function
+    ]
     return f"""\
-{comment}#include "{kernel.name}.h"
+{comment}#include "{program.name}.h"
 
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
 {_GUARDS}
-{"".join(helpers).format(name=kernel.name)}{function}
-{kernel.batch_head(C99.restrict)}
+{"".join(helpers).format(name=program.name)}{function}
+{program.batch_head(C99.restrict)}
 {{
     for (size_t row = 0; row < rows; ++row)
-        {kernel.call()}
+        {program.call()}
 }}
 """

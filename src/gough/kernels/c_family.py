@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 from gough.kernels.builder import live
 from gough.kernels.c_names import check_names
+from gough.kernels.functions.large_angles import routine
 from gough.kernels.parts import Part, parts
 from gough.kernels.tape import RESULTS, Tape, evaluate
 
@@ -123,7 +124,7 @@ class Statements:
 
 
 @dataclass(frozen=True)
-class Kernel:
+class Program:
     """A tape and the names of its inputs, to be written in a language.
 
     Inputs without numbers are left out of the functions: there is nothing to point at.
@@ -137,8 +138,8 @@ class Kernel:
     @classmethod
     def checked(
         cls, language: Language, name: str, tape: Tape, inputs: Mapping[str, int]
-    ) -> Kernel:
-        """The kernel, without instructions that no output needs.
+    ) -> Program:
+        """The program, without instructions that no output needs.
 
         Raises:
             ConfigurationError: the kernel or an input has a name that C or C++ does not take.
@@ -190,8 +191,6 @@ class Kernel:
         return head + _block(_used(lines, [*self.inputs, "kept", "out"]))
 
     def _routine(self, function: str) -> str:
-        from gough.kernels.functions.large_angles import routine
-
         head = f"{self.language.local} double {self.name}_{function}(double x)"
         statements = Statements(self.language, self.name)
         (result,) = evaluate(routine(function), statements, ["x"])
@@ -238,9 +237,8 @@ def _block(lines: Iterable[str]) -> str:
 def _used(lines: Sequence[str], arrays: Iterable[str]) -> list[str]:
     """The lines, after a use of each array that they do not name: compilers warn otherwise."""
     text = "\n".join(lines)
-    return [f"(void){array};" for array in arrays if not re.search(rf"\b{array}\b", text)] + [
-        *lines
-    ]
+    unused = [array for array in arrays if not re.search(rf"\b{array}\b", text)]
+    return [*(f"(void){array};" for array in unused), *lines]
 
 
 def _wrapped(text: str) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from gough.kernels.c_family import OPERATIONS, Kernel, Language
+from gough.kernels.c_family import OPERATIONS, Language, Program
 from gough.kernels.tape import REAL, TRUTH, WORD, Tape
 
 CUDA = Language(
@@ -58,14 +58,14 @@ def cuda_source(
     Raises:
         ConfigurationError: the kernel or an input has a name that C++ does not take.
     """
-    kernel = Kernel.checked(CUDA, name, tape, inputs)
+    program = Program.checked(CUDA, name, tape, inputs)
     return f"""\
-{kernel.comment(about, shape, _NOTES)}
-{kernel.function()}
-{kernel.batch_head(CUDA.restrict)}
+{program.comment(about, shape, _NOTES)}
+{program.function()}
+{program.batch_head(CUDA.restrict)}
 {{
     const size_t stride = (size_t)gridDim.x * blockDim.x;
     for (size_t row = (size_t)blockIdx.x * blockDim.x + threadIdx.x; row < rows; row += stride)
-        {kernel.call()}
+        {program.call()}
 }}
 """

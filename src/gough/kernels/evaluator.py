@@ -98,4 +98,4 @@ class Evaluator:
             used = [array.copy() if np.may_share_memory(array, out) else array for array in used]
         parts = threading.parts(rows * self.size, threads)
         threading.run(function, used, result, batch, parts)
-        return result
+        return result if result.ndim or out is not None else result[()]
