@@ -17,7 +17,7 @@ class Part:
     """A stretch of a tape as a tape, and where its outputs go."""
 
     tape: Tape
-    """Its inputs are those of the whole tape and after them all numbers kept."""
+    """Its inputs are those of the whole tape and after them all places of numbers kept."""
     keeps: Sequence[int]
     """Places of its first outputs among the numbers kept."""
     outputs: Sequence[int]
@@ -25,18 +25,44 @@ class Part:
 
 
 def parts(tape: Tape, length: int) -> tuple[list[Part], int]:
-    """Parts of so many instructions, in the order to run them, and how many numbers are kept."""
-    kept: dict[int, int] = {}
+    """Parts of at most so many instructions, in their order, and how many places they keep.
+
+    A place is used again once no later part takes the number in it.
+    """
+    if len(tape) <= length:
+        return [Part(tape, [], range(len(tape.outputs)))], 0
+    home = [k // length for k in range(len(tape))]
+    last: dict[int, int] = {}
     for k, (op, operands) in enumerate(tape.code):
         for j in () if op in LEAVES else operands:
-            if j // length < k // length and tape.code[j].op not in LEAVES:
-                kept.setdefault(j, len(kept))
+            if home[j] < home[k] and tape.code[j].op not in LEAVES:
+                last[j] = home[k]
+    kept = _places(home, last)
     starts = range(0, len(tape), length)
     stretches = [range(start, min(start + length, len(tape))) for start in starts]
-    return [_part(tape, stretch, kept) for stretch in stretches], len(kept)
+    count = 1 + max(kept.values(), default=-1)
+    return [_part(tape, stretch, kept, count) for stretch in stretches], count
 
 
-def _part(tape: Tape, stretch: range, kept: Mapping[int, int]) -> Part:
+def _places(home: Sequence[int], last: Mapping[int, int]) -> dict[int, int]:
+    """A place for each value that is taken in a later part, the last of which is given."""
+    places: dict[int, int] = {}
+    free: list[int] = []
+    ending: list[list[int]] = [[] for _ in range(home[-1] + 1)]
+    count, part = 0, 0
+    for k in sorted(last):
+        while part < home[k]:
+            free += ending[part]
+            part += 1
+        if not free:
+            free.append(count)
+            count += 1
+        places[k] = free.pop()
+        ending[last[k]].append(places[k])
+    return places
+
+
+def _part(tape: Tape, stretch: range, kept: Mapping[int, int], count: int) -> Part:
     copy = _Copy(tape, kept)
     for k in stretch:
         op, operands = tape.code[k]
@@ -45,7 +71,7 @@ def _part(tape: Tape, stretch: range, kept: Mapping[int, int]) -> Part:
     keeps = [k for k in stretch if k in kept]
     places = [place for place, k in enumerate(tape.outputs) if k in stretch]
     outputs = [copy.number(tape.outputs[place]) for place in places]
-    part = Tape(tape.inputs + len(kept), copy.code, [*map(copy.as_real, keeps), *outputs])
+    part = Tape(tape.inputs + count, copy.code, [*map(copy.as_real, keeps), *outputs])
     return Part(part, [kept[k] for k in keeps], places)
 
 

@@ -12,13 +12,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from gough.kernels.functions.large_angles import routine
 from gough.kernels.native.lanes import Lanes, routine_name
-from gough.kernels.native.rows import Rows
-from gough.kernels.native.stretches import Stretch, stretches
-from gough.kernels.tape import LEAVES, REAL, RESULTS, TRUTH, Tape, evaluate, meaning
+from gough.kernels.native.rows import Pointer, Rows
+from gough.kernels.parts import Part, parts
+from gough.kernels.tape import LEAVES, Tape, evaluate, meaning
+
+Finished = dict[int, list[Any]]
 
 ENTRY = "kernel"
 """Name of the function that is called."""
@@ -33,7 +36,7 @@ class KernelText:
     """Numbers in each input, none of them 0."""
     width: int
     longest: int
-    """Operations in one function at most."""
+    """Instructions in one function at most."""
 
     def __post_init__(self) -> None:
         self._declarations: set[str] = set()
@@ -49,13 +52,9 @@ class KernelText:
         ]
 
     def __str__(self) -> str:
-        plan = stretches(self.tape, self.width, self.longest)
-        if len(plan) == 1:
-            functions = [self._loop(plan, 0)]
-        else:
-            slots = 1 + max(slot for part in plan for slot in part.slots.values())
-            functions = [self._part(k, part) for k, part in enumerate(plan)]
-            functions.append(self._loop(plan, slots))
+        pieces, kept = parts(self.tape, self.longest)
+        functions = [self._part(k, part) for k, part in enumerate(pieces) if len(pieces) > 1]
+        functions.append(self._loop(pieces, kept))
         functions += [self._routine(name) for name in sorted(self._routines)]
         return "\n".join([*functions, *sorted(self._declarations), self._attributes()])
 
@@ -70,17 +69,17 @@ class KernelText:
 
     # the loop over rows
 
-    def _loop(self, plan: Sequence[Stretch], slots: int) -> str:
+    def _loop(self, pieces: Sequence[Part], kept: int) -> str:
         lanes = Lanes(self.width)
-        step, last_start = self._entry(lanes, slots)
+        step, last_start = self._entry(lanes, kept)
         lanes.lines.append("  br label %loop")
         lanes.start_block("loop")
         lanes.lines.append("  %i = phi i64 [0, %entry], [%next, %latch]")
         rows = self._row_pointers(lanes, step)
-        if len(plan) == 1:
-            self._stretch(lanes, plan[0], lambda operand, lane: rows[operand][lane])
+        if len(pieces) == 1:
+            self._work(lanes, pieces[0], lambda operand, lane: rows[operand][lane])
         else:
-            self._calls(lanes, rows, len(plan))
+            self._calls(lanes, rows, len(pieces))
         lanes.lines.append("  br label %latch")
         lanes.start_block("latch")
         lanes.lines += [
@@ -96,13 +95,11 @@ class KernelText:
         head = f"define void @{ENTRY}(ptr %pointers, ptr %steps, i64 %rows) #0 {{\nentry:\n"
         return head + "\n".join(lanes.lines) + "\n}\n"
 
-    def _entry(self, lanes: Lanes, slots: int) -> tuple[list[list[str]], str]:
+    def _entry(self, lanes: Lanes, kept: int) -> tuple[list[list[str]], str]:
         """Offsets of the lanes' rows from the first for each operand, and the last first row."""
         new, width = lanes.new, self.width
-        if slots:
-            lanes.lines.append(f"  %scratch = alloca [{slots} x {lanes.real}], align 64")
-            count = self._operands * width
-            lanes.lines.append(f"  %table = alloca [{count} x ptr], align 64")
+        lanes.lines.append(f"  %kept = alloca [{kept} x {lanes.real}], align 64")
+        lanes.lines.append(f"  %table = alloca [{self._operands * width} x ptr], align 64")
         last = new("sub i64 %rows, 1")
         start = new(f"sub i64 %rows, {width}")
         positive = new(f"icmp sgt i64 {start}, 0")
@@ -137,12 +134,12 @@ class KernelText:
             at = self._element("ptr", "%table", k, lanes)
             lanes.lines.append(f"  store ptr {row}, ptr {at}")
         for k in range(parts):
-            lanes.lines.append(f"  call void @part_{k}(ptr %table, ptr %scratch)")
+            lanes.lines.append(f"  call void @part_{k}(ptr %table, ptr %kept)")
 
     # the work
 
-    def _part(self, number: int, part: Stretch) -> str:
-        """One stretch as a function; row pointers and values of other stretches are in memory."""
+    def _part(self, number: int, part: Part) -> str:
+        """One part as a function; row pointers and numbers of other parts are in memory."""
         lanes = Lanes(self.width)
         known: dict[tuple[int, int], str] = {}
 
@@ -152,51 +149,56 @@ class KernelText:
                 known[operand, lane] = lanes.new(f"load ptr, ptr {at}")
             return known[operand, lane]
 
-        self._stretch(lanes, part, pointer)
+        self._work(lanes, part, pointer)
         self._collect(lanes)
-        head = f"define internal void @part_{number}(ptr %table, ptr %scratch) #0 {{\nentry:\n"
+        head = f"define internal void @part_{number}(ptr %table, ptr %kept) #0 {{\nentry:\n"
         return head + "\n".join(lanes.lines) + "\n  ret void\n}\n"
 
-    def _stretch(self, lanes: Lanes, part: Stretch, pointer: Any) -> None:
-        rows = Rows(lanes, pointer, self.sizes)
+    def _work(self, lanes: Lanes, part: Part, pointer: Pointer) -> None:
+        """The instructions of a part; leaves are fetched where they are first needed."""
+        rows, code = Rows(lanes, pointer, self.sizes), part.tape.code
         values: dict[int, str] = {}
 
         def value(k: int) -> str:
             if k not in values:
-                values[k] = self._fetched(lanes, rows, part, k)
+                op, operands = code[k]
+                fetch = meaning(lanes, op) if op != "input" else partial(self._input, lanes, rows)
+                values[k] = fetch(operands[0])
             return values[k]
 
-        for k in part.instructions:
-            op, operands = self.tape.code[k]
+        keeps, stores = self._finished(part)
+        for k, (op, operands) in enumerate(code):
             if op not in LEAVES:
                 values[k] = meaning(lanes, op)(*[value(j) for j in operands])
-                if k in part.outgoing:
-                    self._keep(lanes, part.slots[k], k, values[k])
-            for first, columns in part.stores.get(k, ()):
+            for place in keeps.get(k, ()):
+                at = self._element(lanes.real, "%kept", place, lanes)
+                lanes.lines.append(f"  store {lanes.real} {value(k)}, ptr {at}")
+            for first, columns in stores.get(k, ()):
                 rows.store(first, [value(j) for j in columns])
 
-    def _fetched(self, lanes: Lanes, rows: Rows, part: Stretch, k: int) -> str:
-        """A leaf, or a value of an earlier stretch."""
-        op, operands = self.tape.code[k]
-        if op == "input":
-            return rows.load(*self._places[operands[0]])
-        if op in LEAVES:
-            return str(getattr(lanes, op)(operands[0]))
-        at = self._element(lanes.real, "%scratch", part.slots[k], lanes)
-        kind = RESULTS[op]
-        if kind == TRUTH:
-            word = lanes.new(f"load {lanes.word}, ptr {at}")
-            return lanes.new(f"icmp ne {lanes.word} {word}, {lanes.bits(0)}")
-        return lanes.new(f"load {lanes.real if kind == REAL else lanes.word}, ptr {at}")
+    def _input(self, lanes: Lanes, rows: Rows, slot: int) -> str:
+        """A column of the inputs, or a number that an earlier part has kept."""
+        if slot < self.tape.inputs:
+            return rows.load(*self._places[slot])
+        at = self._element(lanes.real, "%kept", slot - self.tape.inputs, lanes)
+        return lanes.new(f"load {lanes.real}, ptr {at}")
 
-    def _keep(self, lanes: Lanes, slot: int, k: int, value: str) -> None:
-        at = self._element(lanes.real, "%scratch", slot, lanes)
-        kind = RESULTS[self.tape.code[k].op]
-        if kind == TRUTH:
-            value = lanes.new(f"sext {lanes.truth} {value} to {lanes.word}")
-        lanes.lines.append(
-            f"  store {lanes.real if kind == REAL else lanes.word} {value}, ptr {at}"
-        )
+    def _finished(self, part: Part) -> tuple[Finished, Finished]:
+        """After which instructions numbers are kept, and columns of the output stored.
+
+        Columns are stored by blocks of W as soon as the last of a block is there.
+        """
+        keeps: Finished = {}
+        values = list(part.tape.outputs)
+        for place, k in zip(part.keeps, values, strict=False):
+            keeps.setdefault(k, []).append(place)
+        stores: Finished = {}
+        columns = dict(zip(part.outputs, values[len(part.keeps) :], strict=True))
+        for first in range(0, len(self.tape.outputs), self.width):
+            block = [columns.get(first + k) for k in range(self.width)]
+            for start, run in _runs(block):
+                stores.setdefault(max(run), []).append((first + start, run))
+        return keeps, stores
 
     def _routine(self, name: str) -> str:
         """The sine or cosine of large angles; it is called behind a branch."""
@@ -210,3 +212,16 @@ class KernelText:
     def _collect(self, lanes: Lanes) -> None:
         self._declarations |= lanes.declarations
         self._routines |= lanes.routines
+
+
+def _runs(block: Sequence[int | None]) -> list[tuple[int, list[int]]]:
+    """The stretches of a block that hold values: where each starts, and its values."""
+    runs: list[tuple[int, list[int]]] = []
+    for place, value in enumerate(block):
+        if value is None:
+            continue
+        if runs and runs[-1][0] + len(runs[-1][1]) == place:
+            runs[-1][1].append(value)
+        else:
+            runs.append((place, [value]))
+    return runs
