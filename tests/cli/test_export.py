@@ -42,7 +42,8 @@ def test_the_number_of_operations_is_held():
 def test_exported_c_gives_the_bits_of_the_library(tmp_path, name):
     files = run(name, "--to", "c", "--out", tmp_path).stdout.split()
     sources = [file for file in files if file.endswith(".c")]
-    flags = "-std=c99 -O2 -ffp-contract=off -Wall -Wextra -Werror -shared -fPIC".split()
+    flags = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]
+    flags += ["-shared", "-fPIC"]
     library = tmp_path / "models.so"
     subprocess.run(["gcc", *flags, "-o", library, *sources, "-lm"], check=True)
     models = gough.load(name).models

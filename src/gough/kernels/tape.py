@@ -137,7 +137,8 @@ def evaluate(tape: Tape, arithmetic: Any, inputs: Sequence[Any]) -> list[Any]:
     Methods of leaves (``constant``, ``flag``, ``bits``) get the literal, all others the values
     of their operands. A method whose name is a word of Python ends in an underscore (``not_``).
     """
-    meanings = {op: meaning(arithmetic, op) for op in {op for op, _ in tape.code} - {"input"}}
+    names = dict.fromkeys(op for op, _ in tape.code if op != "input")
+    meanings = {op: meaning(arithmetic, op) for op in names}
     values: list[Any] = []
     for op, operands in tape.code:
         if op == "input":

@@ -14,7 +14,7 @@ libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Guarded:
-    """An array whose last byte stands before, or whose first stands after, a page that is closed."""
+    """An array that ends where a closed page begins, or begins where one ends."""
 
     def __init__(self, shape, at_end):
         count = int(np.prod(shape))

@@ -4,106 +4,109 @@ from __future__ import annotations
 
 import math
 
+from gough.kernels.functions.parts import SIGN, with_sign_of
 from gough.kernels.value import Value, polynomial, sqrt, where
 
 PI_TAIL = float.fromhex("0x1.1a62633145c07p-53")
 """π less its float64."""
-THREE_QUARTERS_TAIL = float.fromhex("0x1.a79394c9e8a0ap-54")
-"""3π/4 less its float64."""
-HUGE = 2.0**512
-SIGN = 1 << 63
-TAN_EIGHTH = math.sqrt(2.0) - 1.0
-"""tan(π/8): within this the polynomial is used as it is."""
+SHARE = PI_TAIL / math.pi
+"""A float64 of π, π/2 or π/4 times this is what it lacks."""
+QUARTER = float.fromhex("0x1.921fb54442d10p-1")
+"""π/4 to 50 bits, so that its multiples up to 4 are exact."""
+QUARTER_TAIL = float.fromhex("0x1.08d313198a2e0p-50")
+HUGE = 2.0**1000
 
-# Chebyshev interpolation of (atan y - y)/y³ in y² on |y| ≤ tan(π/8), see tools/minimax.py
+# minimax polynomials of (atan y - y)/y³ and (asin y - y)/y³ in y² on |y| ≤ 1/2, see
+# tools/minimax.py
 ATAN = [
-    *(-0.3333333333333333, 0.19999999999999804, -0.14285714285659779, 0.11111111105150588),
-    *(-0.09090908753259112, 0.07692296368042296, -0.0666642476020052, 0.05878927554473807),
-    *(-0.05230443640686948, 0.045515447340221615, -0.03456931506332609, 0.016284375050043393),
+    *(-0.3333333333333298, 0.19999999999903104, -0.14285714276385453, 0.11111110659622284),
+    *(-0.09090896244456002, 0.07692073908912354, -0.06663810585501499, 0.058582987347061195),
+    *(-0.05122005107419915, 0.04186502707300992, -0.027434928428909294, 0.010116835883695252),
 ]
-# the same of (asin y - y)/y³ on |y| ≤ 1/2
 ASIN = [
-    *(0.16666666666666669, 0.07499999999998433, 0.04464285714635543, 0.030381944138531247),
-    *(0.02237217294214989, 0.017352392720869973, 0.013971212973552933, 0.011479177415184906),
-    *(0.01032281435018578, 0.005457506718640358, 0.01740087944269402, -0.014851887071247204),
-    0.028757851367421566,
+    *(0.1666666666666676, 0.07499999999970866, 0.04464285717456112, 0.03038194270984673),
+    *(0.022372214936731586, 0.0173516128329054, 0.013980811609815074, 0.011398979536263884),
+    *(0.010779902541051217, 0.0037076453528907985, 0.02170461843445158, -0.020995280610194293),
+    0.03262637980069294,
 ]
 
 
 def atan(x: Value) -> Value:
-    """Arc tangent, in (-π/2, π/2) rad; 2.5 ulp."""
+    """Arc tangent in rad; 1.5 ulp.
+
+    atan x = π/4 + atan((x - 1)/(x + 1)) for 1/2 ≤ x ≤ 2, where x - 1 is exact near 1/2, and
+    π/2 - atan(1/x) above.
+    """
     size = abs(x)
-    turned = _Turned(size, size.like(1.0))
-    return _with_sign_of(turned.angle(0.0, 1.0), x)
+    steep, flat = size > 2.0, size < 0.5
+    top = where(steep, -1.0, where(flat, size, size - 1.0))
+    bottom = where(steep, size, where(flat, 1.0, size + 1.0))
+    start = where(steep, math.pi / 2, where(flat, 0.0, size.like(math.pi / 4)))
+    return with_sign_of(_turned(start, start * SHARE, top / bottom), x)
 
 
 def atan2(y: Value, x: Value) -> Value:
-    """Angle of the vector (x, y) from the x axis in rad, with the special cases of C99; 2.5 ulp."""
+    """Angle of the vector (x, y) from the x axis in rad, with the special cases of C99; 1.75 ulp.
+
+    As `atan`, with the angle counted back from π for vectors to the left.
+    """
     across, along = abs(y), abs(x)
-    infinite = along.equals(math.inf) & across.equals(math.inf)
-    still = along.equals(0.0) & across.equals(0.0)
-    across, along = where(infinite, 1.0, across), where(infinite | still, 1.0, along)
-    scale = where((along > HUGE) | (across > HUGE), 1.0 / HUGE, 1.0)  # the sum must stay finite
-    turned = _Turned(across * scale, along * scale)
-    left = (x.word() >> 63).equals(1)  # minus zero is left of zero
-    angle = where(left, turned.angle(math.pi, -1.0), turned.angle(0.0, 1.0))
-    angle = where(x.equals(x) & y.equals(y), angle, math.nan)
-    return _with_sign_of(angle, y)
+    scale = where(along > HUGE, 0.25, along.like(1.0))  # the sum must stay finite
+    across, along = across * scale, along * scale
+    difference, total = across - along, across + along
+    nowhere = total.equals(0.0)
+    steep, flat = along * 2.0 < across, (across * 2.0 < along) | nowhere
+    # the sum of two that are alike is infinite only if both are
+    diagonal = where(total.equals(math.inf), 0.0, difference)
+    top = where(steep, -along, where(flat, across, diagonal))
+    bottom = where(steep, across, where(nowhere, 1.0, where(flat, along, total)))
+    quotient = top / bottom
+    left = (x.word() & SIGN).equals(SIGN)  # minus zero is left of zero
+    quarters = where(steep, 2.0, where(flat, 0.0, total.like(1.0)))
+    quarters = where(left, 4.0 - quarters, quarters)
+    quotient = where(left, -quotient, quotient)
+    angle = _turned(quarters * QUARTER, quarters * QUARTER_TAIL, quotient)
+    return with_sign_of(angle, y)
+
+
+def _turned(start: Value, tail: Value, y: Value) -> Value:
+    """start + tail + atan y, for |y| ≤ 1/2; the sum of start and y is exact (Dekker 1971)."""
+    square = y * y
+    total = start + y
+    error = (start - total) + y
+    return total + (error + (square * polynomial(square, ATAN) * y + tail))
 
 
 def asin(x: Value) -> Value:
-    """Arc sine in rad, NaN outside [-1, 1]; 2 ulp."""
+    """Arc sine in rad, NaN outside [-1, 1]; 1.25 ulp.
+
+    Above 1/2, asin x = π/2 - 2 asin √((1 - x)/2), where 1 - x is exact.
+    """
     size = abs(x)
-    small, large, root = _halves(size)
-    near_one = (math.pi / 2 - (root + root * large) * 2.0) + PI_TAIL * 0.5
-    return _with_sign_of(where(size < 0.5, size + size * small, near_one), x)
+    inner = size < 0.5
+    double, correction = _halved(size, inner)
+    y = where(inner, size, -double)
+    start = where(inner, 0.0, size.like(math.pi / 2))
+    total = start + y
+    error = (start - total) + y  # exact (Dekker 1971)
+    return with_sign_of(total + (error + (y * correction + start * SHARE)), x)
 
 
 def acos(x: Value) -> Value:
-    """Arc cosine in rad, NaN outside [-1, 1]; 2 ulp."""
-    small, large, root = _halves(abs(x))
-    double = (root + root * large) * 2.0
-    beyond = where(x < 0.0, (math.pi - double) + PI_TAIL, double)
-    middle = math.pi / 2 - (x - (PI_TAIL * 0.5 - x * small))
-    return where(abs(x) < 0.5, middle, beyond)
+    """Arc cosine in rad, NaN outside [-1, 1]; 1.25 ulp.
+
+    It is π/2 - asin x for |x| ≤ 1/2, else 2 asin √((1 - |x|)/2), and π less that for negative x.
+    """
+    size = abs(x)
+    inner, left = size < 0.5, x < 0.0
+    double, correction = _halved(size, inner)
+    y = where(inner, x, where(left, double, -double))
+    start = where(inner, math.pi / 2, where(left, math.pi, x.like(0.0)))
+    return start - (y + (y * correction - start * SHARE))
 
 
-def _halves(size: Value) -> tuple[Value, Value, Value]:
-    """Corrections c with asin y = y + y c, for y = size and y = √((1 - size)/2), and this root."""
+def _halved(size: Value, inner: Value) -> tuple[Value, Value]:
+    """2 √((1 - size)/2), and (asin y - y)/y for y = size if inner, else for half of this root."""
     half = (1.0 - size) * 0.5
-    square = where(size < 0.5, size * size, half)
-    correction = square * polynomial(square, ASIN)
-    return correction, correction, sqrt(half)
-
-
-class _Turned:
-    """atan(across/along) of numbers that are not negative, by three ranges and one division."""
-
-    def __init__(self, across: Value, along: Value) -> None:
-        self.steep = along < across * TAN_EIGHTH  # beyond 3π/8
-        self.flat = across < along * TAN_EIGHTH
-        top = where(self.steep, -along, where(self.flat, across, across - along))
-        bottom = where(self.steep, across, where(self.flat, along, across + along))
-        quotient = top / bottom
-        square = quotient * quotient
-        self.rest = quotient + quotient * (square * polynomial(square, ATAN))
-
-    def angle(self, start: float, sign: float) -> Value:
-        """start + sign · atan(across/along), for a start of 0 or π."""
-        flat, middle, steep = (start / math.pi + sign * k / 4 for k in (0, 1, 2))
-        base = where(
-            self.steep, steep * math.pi, where(self.flat, flat * math.pi, middle * math.pi)
-        )
-        tail = where(
-            self.steep, steep * PI_TAIL, where(self.flat, flat * PI_TAIL, _tail_of(middle))
-        )
-        return base + (self.rest * sign + tail)
-
-
-def _tail_of(quarters: float) -> float:
-    """A multiple of π less its float64, for 1/4 and 3/4."""
-    return quarters * PI_TAIL if quarters == 0.25 else THREE_QUARTERS_TAIL
-
-
-def _with_sign_of(size: Value, x: Value) -> Value:
-    return (size.word() ^ (x.word() & SIGN)).real()
+    square = where(inner, size * size, half)
+    return sqrt(half) * 2.0, square * polynomial(square, ASIN)

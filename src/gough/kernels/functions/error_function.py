@@ -2,45 +2,40 @@
 
 from __future__ import annotations
 
-from gough.kernels.functions.exponentials import exp
+from gough.kernels.functions.exponentials import missing, reduced
+from gough.kernels.functions.parts import with_sign_of
 from gough.kernels.value import Value, polynomial, where
 
-SIGN = 1 << 63
+LARGEST = 5.9375
+"""Beyond this the result is ±1."""
 
-# Chebyshev interpolation of erf(x)/x - 1 in x² on |x| ≤ 1, see tools/minimax.py
+# minimax polynomials of erf(x)/x - 1 in x² on |x| ≤ 1 and of -ln(1 - erf x)/x up to LARGEST, the
+# latter with the weight x (1 - erf x)/erf x, see tools/minimax.py
 ERF = [
-    *(0.12837916709551256, -0.37612638903183543, 0.11283791670945006, -0.02686617064323777),
-    *(
-        0.0052239776071164225,
-        -0.0008548325975389692,
-        0.00012055294904839707,
-        -1.492473690741966e-05,
-    ),
-    *(
-        1.6447424703317362e-06,
-        -1.6208483801871705e-07,
-        1.3720064546777686e-08,
-        -7.795898827002142e-10,
-    ),
+    *(0.1283791670955126, -0.376126389031841, 0.11283791670971101, -0.02686617064803224),
+    *(0.005223977652708886, -0.000854832853705061, 0.00012055386249992171),
+    *(-1.4926883076213634e-05, 1.6481088596591206e-06, -1.655748401248158e-07),
+    *(1.6015866170288853e-08, -1.6475879945407764e-09, 1.4363925019396339e-10),
 ]
-# and of exp(x²) erfc(x) in 1/(x + 2) on 1 ≤ x ≤ 6
-ERFCX = [
-    *(1.6242284740077591e-07, 0.5641771458640458, 1.1288205669506493, 1.9650380653313524),
-    *(2.965062607613792, 1.112927254027886, 12.469269695695969, -86.0235241240357),
-    *(356.0254348102813, -1304.8727117633393, 3393.7192897611894, -5751.745781926398),
-    *(6141.244973872164, -3802.3193399400056, 1051.4775993545124),
+ERFC = [
+    *(1.1283791108446664, 0.6366202527975356, 0.10277082659844286, -0.01912496347966518),
+    *(-0.00021203848580248638, 0.0016926105196615924, -0.0005746611610769334),
+    *(-9.73105667542096e-07, 9.548565684276487e-05, -5.6038204886088883e-05),
+    *(2.035129039981659e-05, -5.385236734871258e-06, 1.0781296634003224e-06),
+    *(-1.630244379346092e-07, 1.8130801673752583e-08, -1.4024233245685573e-09),
+    *(6.74473128547623e-11, -1.5188311975009343e-12),
 ]
 
 
 def erf(x: Value) -> Value:
-    """2/√π ∫ exp(-t²) dt from 0 to x; 1.5 ulp.
+    """Error function; 1.5 ulp and never beyond ±1.
 
-    Near 0 a polynomial; beyond 1, 1 - exp(-x²) (exp(x²) erfc x) (Muller, Elementary Functions).
+    It is x + x P(x²) up to 1, then 1 - exp(-x Q(x)), for which few bits of Q are needed.
     """
     size = abs(x)
-    small = where(size < 1.0, x, 0.0)
-    near = small + small * polynomial(small * small, ERF)
-    far_size = where(size > 6.0, 6.0, where(size > 1.0, size, 1.0))  # at 6 it is 1
-    tail = exp(-(far_size * far_size)) * polynomial(1.0 / (far_size + 2.0), ERFCX)
-    far = ((1.0 - tail).word() ^ (x.word() & SIGN)).real()
-    return where(size < 1.0, near, where(size >= 1.0, far, x))
+    square = size * size
+    small = size + size * polynomial(square, ERF)
+    limited = where(size > LARGEST, LARGEST, size)
+    high, low, word = reduced(-(limited * polynomial(limited, ERFC)), 1023)
+    rest = (1.0 + (high - missing(high, low))) * (word << 52).real()
+    return with_sign_of(where(size < 1.0, small, 1.0 - rest), x)

@@ -1,75 +1,94 @@
-"""Hyperbolic functions, and exponential and logarithm near 0 and 1."""
+"""Hyperbolic sine, cosine and tangent."""
 
 from __future__ import annotations
 
-import math
+from typing import NamedTuple
 
-from gough.kernels.functions.exponentials import exp, power_of_two, reduced, series
-from gough.kernels.functions.logarithms import log
-from gough.kernels.value import Value, where
+from gough.kernels.functions.exponentials import missing, reduced
+from gough.kernels.functions.parts import with_sign_of
+from gough.kernels.value import Value, polynomial, where
 
-SIGN = 1 << 63
-TINY = 2.0**-54
-"""Below this these functions are their argument."""
+LARGEST = 710.6
+"""Beyond this sine and cosine are infinite."""
+ONE_SIDED = 40.0
+"""Beyond this e⁻ˣ has no effect on them."""
+TINY = 2.0**-28
+"""Below this the sine is x."""
+
+# minimax polynomials of (sinh r - r)/r³ and (cosh r - 1)/r² in r² on |r| ≤ ln(2)/2, and of
+# (tanh y - y)/y³ in y² on |y| ≤ 0.55, see tools/minimax.py
+SINH = [
+    *(0.16666666666666677, 0.008333333333321376, 0.0001984126988686728),
+    *(2.7557243376278393e-06, 2.510935510633264e-08),
+]
+COSH = [
+    *(0.5, 0.041666666666666685, 0.0013888888888873264, 2.4801587349281982e-05),
+    *(2.7557251717753207e-07, 2.0921811103752136e-09),
+]
+TANH = [
+    *(-0.333333333333333, 0.1333333333332658, -0.05396825396373991, 0.02186948838534497),
+    *(-0.008863232594201003, 0.003592091966684632, -0.0014555424851233861),
+    *(0.0005884431739393422, -0.0002333785962266381, 8.331264773319991e-05),
+    -1.9492587000108977e-05,
+]
 
 
-def expm1(x: Value) -> Value:
-    """eˣ - 1 without cancellation; 3 ulp.
+class _Parts(NamedTuple):
+    """For |x| = k ln 2 + r: sinh and cosh of k ln 2, of r, and a high part of r."""
 
-    With x = k ln 2 + r, it is 2ᵏ (eʳ - 1) + (2ᵏ - 1).
-    """
-    middle = where(x < -60.0, -60.0, where(x > 40.0, 40.0, x))
-    k, rest, tail = reduced(middle)
-    factor = power_of_two(k)
-    near = factor * series(rest, tail) + (factor - 1.0)
-    return where(abs(x) < TINY, x, where(x > 40.0, exp(x), near))
-
-
-def log1p(x: Value) -> Value:
-    """ln(1 + x) without cancellation; 2 ulp.
-
-    The rounding error of 1 + x is added to first order (Kahan; Higham 2002, 1.14).
-    """
-    near = where(abs(x) < 1.0, x, 0.0)
-    whole = near + 1.0
-    lost = near - (whole - 1.0)
-    small = log(whole) + where(whole.equals(0.0), 0.0, lost / whole)
-    large = x + 1.0
-    rest = 1.0 - (large - x)
-    result = where(abs(x) < 1.0, small, log(large) + where(large < math.inf, rest / large, 0.0))
-    result = where(x.equals(-1.0), -math.inf, result)
-    return where(abs(x) < TINY, x, result)
+    sine: Value
+    """sinh(k ln 2)/2"""
+    cosine: Value
+    """cosh(k ln 2)/2"""
+    high: Value
+    odd: Value
+    """sinh r - high"""
+    even: Value
+    """cosh r - 1"""
 
 
 def sinh(x: Value) -> Value:
-    """(eˣ - e⁻ˣ)/2; 4 ulp."""
+    """Hyperbolic sine; 1.75 ulp.
+
+    sinh(k ln 2 + r) = sinh(k ln 2) cosh r + cosh(k ln 2) sinh r, and the two largest terms of
+    this are added without error (Dekker 1971).
+    """
     size = abs(x)
-    grown = expm1(where(size > 22.0, 22.0, size))
-    near = (grown + grown / (grown + 1.0)) * 0.5
-    return _with_sign_of(where(size > 22.0, _half_exp(size), near), x)
+    sine, cosine, high, odd, even = _parts(size)
+    step = cosine * high
+    total = sine + step
+    error = (sine - total) + step
+    result = (total + (error + (cosine * odd + sine * even))) * 2.0
+    return with_sign_of(where(size < TINY, size, result), x)
 
 
 def cosh(x: Value) -> Value:
-    """(eˣ + e⁻ˣ)/2; 3 ulp."""
-    size = abs(x)
-    grown = exp(where(size > 22.0, 22.0, size))
-    near = (grown + 1.0 / grown) * 0.5
-    return where(size > 22.0, _half_exp(size), near)
+    """Hyperbolic cosine; 1.75 ulp. Written as `sinh`, with which it shares most."""
+    sine, cosine, high, odd, even = _parts(abs(x))
+    return (cosine + (sine * high + (cosine * even + sine * odd))) * 2.0
+
+
+def _parts(size: Value) -> _Parts:
+    high, low, word = reduced(where(size > LARGEST, LARGEST, size), 1021)
+    bits = word << 52
+    growing = bits.real()  # 2ᵏ⁻²
+    shrinking = where(size < ONE_SIDED, ((2042 << 52) - bits).real(), 0.0)
+    rest = high - low
+    square = rest * rest
+    odd = square * polynomial(square, SINH) * rest - low
+    even = square * polynomial(square, COSH)
+    return _Parts(growing - shrinking, growing + shrinking, high, odd, even)
 
 
 def tanh(x: Value) -> Value:
-    """(eˣ - e⁻ˣ)/(eˣ + e⁻ˣ); 4 ulp."""
+    """Hyperbolic tangent; 1.75 ulp and never beyond ±1.
+
+    It is a polynomial up to 0.55, then 1 - 2/(e²ˣ + 1).
+    """
     size = abs(x)
-    grown = expm1(where(size > 22.0, 44.0, size + size))
-    near = where(size > 22.0, 1.0, grown / (grown + 2.0))
-    return _with_sign_of(where(size < TINY, size, near), x)
-
-
-def _half_exp(x: Value) -> Value:
-    """eˣ/2 that overflows no earlier than it must."""
-    root = exp(x * 0.5)
-    return (root * 0.5) * root
-
-
-def _with_sign_of(size: Value, x: Value) -> Value:
-    return (size.word() ^ (x.word() & SIGN)).real()
+    square = size * size
+    small = size + size * (square * polynomial(square, TANH))
+    double = where(size > 22.0, 22.0, size) * 2.0
+    high, low, word = reduced(double, 1023)
+    grown = (1.0 + (high - missing(high, low))) * (word << 52).real()
+    return with_sign_of(where(size < 0.55, small, 1.0 - 2.0 / (grown + 1.0)), x)

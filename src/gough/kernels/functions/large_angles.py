@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import cache
 
 from gough.kernels.builder import Builder
+from gough.kernels.functions.parts import SIGN
 from gough.kernels.functions.sines import Reduced, sin_cos_of
 from gough.kernels.tape import Tape
 from gough.kernels.value import Value, where
@@ -36,7 +37,7 @@ def routine(name: str) -> Tape:
     builder = Builder(1)
     x = Value.input(builder, 0)
     sine, cosine = sin_cos_of(_reduced(abs(x)))
-    odd = (sine.word() ^ (x.word() & (1 << 63))).real()
+    odd = (sine.word() ^ (x.word() & SIGN)).real()
     result = where(abs(x) < float("inf"), odd if name == "sin" else cosine, float("nan"))
     return builder.tape([result.number])
 
@@ -50,9 +51,9 @@ def _reduced(x: Value) -> Reduced:
     quarters = (turns[0] >> 62) + ((turns[0] >> 61) & 1)
     fraction = _shifted_by_two(turns)
     negative = _all_ones_if(fraction[0] >> 63)
-    rest, tail = _angle(_negated_where(negative, fraction))
-    sign = negative & (1 << 63)
-    return Reduced((rest.word() ^ sign).real(), (tail.word() ^ sign).real(), quarters)
+    rest, lost = _angle(_negated_where(negative, fraction))
+    sign = negative & SIGN
+    return Reduced((rest.word() ^ sign).real(), (lost.word() ^ sign).real(), quarters)
 
 
 def _window(place: Value) -> list[Value]:
@@ -114,7 +115,7 @@ def _negated_where(chosen: Value, words: list[Value]) -> list[Value]:
 
 
 def _angle(words: list[Value]) -> tuple[Value, Value]:
-    """A fraction of a quarter turn in fixed point as an angle: a sum of two reals."""
+    """A fraction of a quarter turn in fixed point as an angle: a real less a small one."""
     pieces = [piece for word in words for piece in (word >> 32, word & LOW)]
     high = _real(pieces[0], 1)
     low = high.like(0.0)
@@ -129,7 +130,7 @@ def _angle(words: list[Value]) -> tuple[Value, Value]:
     error = (front * HALF_PI_HIGH - product) + front * HALF_PI_LOW + back * HALF_PI_HIGH
     error = error + back * HALF_PI_LOW + (high * HALF_PI_TAIL + low * HALF_PI)
     rest = product + error
-    return rest, (product - rest) + error
+    return rest, (rest - product) - error  # exact (Dekker 1971)
 
 
 def _real(piece: Value, place: int) -> Value:
