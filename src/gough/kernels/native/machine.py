@@ -7,6 +7,9 @@ from functools import cache, cached_property
 
 import llvmlite.binding as llvm
 
+llvm.initialize_native_target()
+llvm.initialize_native_asmprinter()
+
 QUICK_ABOVE = 8000
 """Operations above which code is generated without the slower optimisations."""
 
@@ -59,8 +62,6 @@ class Machine:
 @cache
 def host() -> Machine:
     """The processor this process runs on."""
-    llvm.initialize_native_target()
-    llvm.initialize_native_asmprinter()
     features = llvm.get_host_cpu_features().flatten()
     return Machine(llvm.get_process_triple(), llvm.get_host_cpu_name(), features)
 
