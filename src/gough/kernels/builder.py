@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from gough.kernels.reference import Reference
 from gough.kernels.tape import FUNCTIONS, LEAVES, REAL, RESULTS, Instruction, Tape
@@ -30,6 +31,8 @@ class Builder:
             name: getattr(self, "_" + name)
             for name in ("neg", "abs", "add", "sub", "mul", "div", "select", "not")
         }
+        for name in ("careful_sin", "careful_cos"):
+            self._rules[name] = partial(self._careful, name)
 
     # leaves
 
@@ -166,6 +169,11 @@ class Builder:
         if op == "not":
             return self.write("select", operands[0], b, a)
         return self.write("select", condition, a, b)
+
+    def _careful(self, op: str, wanted: int, fast: int, angle: int) -> int:
+        if self.code[wanted] == Instruction("flag", (False,)):
+            return fast
+        return self.write(op, wanted, fast, angle)
 
     def _not(self, a: int) -> int:
         op, operands = self.code[a]

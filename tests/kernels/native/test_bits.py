@@ -4,7 +4,7 @@ import ctypes
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gough.kernels.fusing import fused
@@ -14,6 +14,7 @@ from tests.kernels.random_tapes import assert_same, exact_run, random_tape, spec
 
 SIGNATURE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
 ROWS = 37
+MANY = 10_000 if settings.get_current_profile_name() == "long" else 60
 
 
 def native(tape, width, longest=5000, level=2, machine=None):
@@ -40,6 +41,7 @@ def rows_for(rng, tape):
     return np.ascontiguousarray(rows) if tape.inputs else np.zeros((ROWS, 1))
 
 
+@settings(max_examples=MANY)
 @given(st.integers(0, 2**32))
 def test_random_tapes(seed):
     rng = np.random.default_rng(seed)
