@@ -31,6 +31,7 @@ from benchmarks import six_ups
 from benchmarks.throughput import Throughput
 from gough.kernels import Kernel
 from gough.kernels.native.machine import Loaded, host, level_for
+from gough.kernels.native.store import load
 from gough.kernels.native.text import ENTRY, KernelText
 
 ROWS = 128
@@ -73,7 +74,7 @@ class Repeated:
         sizes = [size for size in kernel.inputs.values() if size]
         text = str(KernelText(kernel.program, sizes, width, 4000))
         level = level_for(kernel.program.operations)
-        self._loaded = Loaded((machine or host()).object_code(text, level))
+        self._loaded = load((machine or host()).object_code(text, level))
         self._repeat = Loaded(host().object_code(REPEAT, 2))
         self._kernel, self._times = self._loaded.address(ENTRY), times
         kinds = [ctypes.c_void_p] * 3 + [ctypes.c_int64] * 2

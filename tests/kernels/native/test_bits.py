@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gough.kernels.fusing import fused
-from gough.kernels.native.machine import Loaded, host
+from gough.kernels.native.machine import host
+from gough.kernels.native.store import load
 from gough.kernels.native.text import ENTRY, KernelText
 from tests.kernels.random_tapes import assert_same, exact_run, random_tape, special_rows
 
@@ -21,7 +22,7 @@ def native(tape, width, longest=5000, level=2, machine=None):
     """A function of rows (rows, inputs) -> (rows, outputs) in machine code."""
     sizes = [tape.inputs] if tape.inputs else [1]
     text = str(KernelText(tape, sizes, width, longest))
-    loaded = Loaded((machine or host()).object_code(text, level))
+    loaded = load((machine or host()).object_code(text, level))
     function = SIGNATURE(loaded.address(ENTRY))
 
     def call(rows, out=None):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import struct
 
+ROUTINES = "gough_large_"
+"""How the names of the functions of large angles begin."""
 _DIRECT = {
     "add": "fadd",
     "sub": "fsub",
@@ -41,8 +43,6 @@ class Lanes:
         self.block = "entry"
         """The label of the basic block that is being written."""
         self.declarations: set[str] = set()
-        self.routines: set[str] = set()
-        """Names of the functions of large angles that are called."""
         self._count = 0
 
     def new(self, text: str) -> str:
@@ -161,11 +161,11 @@ class Lanes:
 
     def _rarely(self, routine: str, wanted: str, fast: str, angle: str) -> str:
         """A call behind a branch that is taken only if a lane wants it."""
-        self.routines.add(routine)
         rare, after, before = self.label(), self.label(), self.block
         self.lines.append(f"  br i1 {self.any(wanted)}, label %{rare}, label %{after}, !prof !1")
         self.start_block(rare)
         name = routine_name(routine, self.width)
+        self.declarations.add(f"declare {self.real} @{name}({self.real}) #1")
         large = self.new(f"call {self.real} @{name}({self.real} {angle})")
         merged = self.select(wanted, large, fast)
         self.lines.append(f"  br label %{after}")
@@ -182,7 +182,18 @@ class Lanes:
 
 def routine_name(routine: str, width: int) -> str:
     """Name of the function of large angles for a number of lanes."""
-    return f"large_{routine}_{width}"
+    return f"{ROUTINES}{routine}_{width}"
+
+
+def attributes(width: int) -> str:
+    """What the functions of a module are told: #0 usual ones, #1 those that are rarely called."""
+    bits = 64 * width
+    registers = f'"prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
+    return (
+        f"attributes #0 = {{ nounwind {registers} }}\n"
+        f"attributes #1 = {{ nounwind noinline cold {registers} }}\n"
+        '!0 = !{}\n!1 = !{!"branch_weights", i32 1, i32 1048576}\n'
+    )
 
 
 def _vector(kind: str, width: int) -> str:

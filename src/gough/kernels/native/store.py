@@ -13,21 +13,39 @@ from functools import cache
 from pathlib import Path
 from weakref import WeakValueDictionary
 
+from gough.kernels.native import routines
 from gough.kernels.native.cache import Cache, digest, from_environment
+from gough.kernels.native.lanes import routine_name
 from gough.kernels.native.machine import Loaded, host
 
+ROUTINES_LEVEL = 0
+"""The routines run rarely."""
 _in_memory: WeakValueDictionary[bytes, Loaded] = WeakValueDictionary()
 
 
 def compiled(text: str, level: int) -> Loaded:
     """Code of an LLVM module, generated at a level and loaded."""
     key = _key(text, level)
-    known = _known(key)
-    if known is not None:
-        return known
-    code = host().object_code(text, level)
-    _disk().put(key, code)
-    loaded = _in_memory[key] = Loaded(code)
+    loaded = _in_memory.get(key)
+    if loaded is None:
+        loaded = _in_memory[key] = load(_object_code(text, level))
+    return loaded
+
+
+def load(code: bytes) -> Loaded:
+    """Machine code in memory, with the routines that it calls."""
+    for width in routines.wanted(code):
+        _routines(width)
+    return Loaded(code)
+
+
+@cache
+def _routines(width: int) -> Loaded:
+    """The routines for a number of lanes, published and held for ever."""
+    code = _object_code(routines.text(width), ROUTINES_LEVEL)
+    loaded = Loaded(code)
+    symbols = [routine_name(name, width) for name in ("sin", "cos")]
+    routines.publish(width, {symbol: loaded.address(symbol) for symbol in symbols})
     return loaded
 
 
@@ -49,6 +67,16 @@ def compiled_from(origin: bytes, make: Callable[[], tuple[str, int]]) -> Loaded:
     return loaded
 
 
+def _object_code(text: str, level: int) -> bytes:
+    """Code from the disk, or made and put there."""
+    key = _key(text, level)
+    code = _disk().get(key)
+    if code is None:
+        code = host().object_code(text, level)
+        _disk().put(key, code)
+    return code
+
+
 def _key(text: str, level: int) -> bytes:
     return digest(host().key(), str(level), text)
 
@@ -58,7 +86,7 @@ def _known(key: bytes) -> Loaded | None:
     if loaded is None:
         code = _disk().get(key)
         if code is not None:
-            loaded = _in_memory[key] = Loaded(code)
+            loaded = _in_memory[key] = load(code)
     return loaded
 
 

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from gough.kernels.functions.large_angles import routine
-from gough.kernels.native.lanes import Lanes, routine_name
+from gough.kernels.native.lanes import Lanes, attributes
 from gough.kernels.native.rows import Pointer, Rows
 from gough.kernels.parts import Part, parts
-from gough.kernels.tape import LEAVES, Tape, evaluate, meaning
+from gough.kernels.tape import LEAVES, Tape, meaning
 
 Finished = dict[int, list[Any]]
 
@@ -40,7 +39,6 @@ class KernelText:
 
     def __post_init__(self) -> None:
         self._declarations: set[str] = set()
-        self._routines: set[str] = set()
         self._operands = len(self.sizes) + 1
         starts = [0]
         for size in self.sizes:
@@ -55,17 +53,7 @@ class KernelText:
         pieces, kept = parts(self.tape, self.longest)
         functions = [self._part(k, part) for k, part in enumerate(pieces) if len(pieces) > 1]
         functions.append(self._loop(pieces, kept))
-        functions += [self._routine(name) for name in sorted(self._routines)]
-        return "\n".join([*functions, *sorted(self._declarations), self._attributes()])
-
-    def _attributes(self) -> str:
-        bits = 64 * self.width
-        width = f'"prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}"'
-        return (
-            f"attributes #0 = {{ nounwind {width} }}\n"
-            f"attributes #1 = {{ nounwind noinline cold {width} }}\n"
-            '!0 = !{}\n!1 = !{!"branch_weights", i32 1, i32 1048576}\n'
-        )
+        return "\n".join([*functions, *sorted(self._declarations), attributes(self.width)])
 
     # the loop over rows
 
@@ -200,18 +188,8 @@ class KernelText:
                 stores.setdefault(max(run), []).append((first + start, run))
         return keeps, stores
 
-    def _routine(self, name: str) -> str:
-        """The sine or cosine of large angles; it is called behind a branch."""
-        lanes = Lanes(self.width)
-        (result,) = evaluate(routine(name), lanes, ["%angle"])
-        self._declarations |= lanes.declarations
-        kind, own = lanes.real, routine_name(name, self.width)
-        head = f"define internal {kind} @{own}({kind} %angle) #1 {{\nentry:\n"
-        return head + "\n".join(lanes.lines) + f"\n  ret {kind} {result}\n}}\n"
-
     def _collect(self, lanes: Lanes) -> None:
         self._declarations |= lanes.declarations
-        self._routines |= lanes.routines
 
 
 def _runs(block: Sequence[int | None]) -> list[tuple[int, list[int]]]:
