@@ -101,3 +101,21 @@ def test_long_chains_are_read_without_recursion():
     tape = read(casadi.Function("chain", [x, y], [z]))
     assert tape.counts() == {"mul": 20_000, "add": 20_000, "total": 40_000}
     assert len(fused(tape)) == 20_002
+
+
+@pytest.mark.parametrize(
+    ("expression", "x", "expected"),
+    [
+        (A / 1e-310, 0.0, 0.0),
+        (A / 1e200 / 1e200, 1e308, 1e308 / 1e200 / 1e200),
+        (A / np.inf, np.inf, np.nan),
+        (casadi.hypot(A, B), 1e308, 1e308),
+        (casadi.hypot(A, B), 1e-310, 1e-310),
+        (casadi.hypot(A, B), 0.0, 0.0),
+        (casadi.hypot(A, B), np.inf, np.inf),
+    ],
+)
+def test_constants_and_sizes_near_the_ends_of_the_range(expression, x, expected):
+    tape = expanded(read_expression(expression))
+    found = run(tape, np.array([[x, 0.0, 0.0, 0.0]]))[0, 0]
+    np.testing.assert_allclose(found, expected, rtol=1e-15)

@@ -20,6 +20,11 @@ LARGEST_POWER = 32
 """Whole exponents up to this are multiplied out."""
 
 
+def _moderate(constant: float) -> bool:
+    """Whether a constant and its reciprocal are far from overflow and underflow."""
+    return 2.0**-1000 < abs(constant) < 2.0**1000
+
+
 class Simplifier(Builder):
     """A builder that also uses rules of algebra on finite numbers."""
 
@@ -68,7 +73,7 @@ class Simplifier(Builder):
             if op == "mul":
                 for inner, rest in (operands, operands[::-1]):
                     value = self.constant_of(inner)
-                    if value is not None:
+                    if value is not None and _moderate(factor * value):
                         return self.emit("mul", self.constant(factor * value), rest)
         return super()._mul(a, b)
 
@@ -76,9 +81,9 @@ class Simplifier(Builder):
         divisor = self.constant_of(b)
         if self.constant_of(a) == 0:
             return a
-        if divisor is not None and divisor != 0:
+        if divisor is not None and _moderate(divisor):
             return self.emit("mul", a, self.constant(1.0 / divisor))
-        if a == self._one:
+        if a == self._one or divisor is not None:
             return super()._div(a, b)
         return self.emit("mul", a, self.emit("div", self._one, b))
 
@@ -111,7 +116,7 @@ class _Reader:
             "constpow": self._power,
             "sign": self._sign,
             "copysign": self._copysign,
-            "hypot": lambda a, b: self._emit("sqrt", self._squares(a, b)),
+            "hypot": self._hypot,
         }
 
     def _direct(self, op: str) -> Callable[..., int]:
@@ -138,8 +143,16 @@ class _Reader:
     def _select(self, condition: int, a: int, b: int) -> int:
         return self.builder.emit("select", self._truth(condition), self.real(a), self.real(b))
 
-    def _squares(self, a: int, b: int) -> int:
-        return self._emit("add", self._emit("mul", a, a), self._emit("mul", b, b))
+    def _hypot(self, a: int, b: int) -> int:
+        """The root of the squares' sum, scaled by the larger so that squares stay in range."""
+        emit, one, zero = self._emit, self.builder.constant(1.0), self.builder.constant(0.0)
+        a, b = emit("abs", a), emit("abs", b)
+        swapped = emit("less", a, b)
+        large, small = self._select(swapped, b, a), self._select(swapped, a, b)
+        ratio = emit("div", small, self._select(emit("equal", large, zero), one, large))
+        root = emit("sqrt", emit("add", emit("mul", ratio, ratio), one))
+        infinite = emit("equal", large, self.builder.constant(float("inf")))
+        return self._select(infinite, large, emit("mul", large, root))
 
     def _sign(self, a: int) -> int:
         zero, one = self.builder.constant(0.0), self.builder.constant(1.0)
