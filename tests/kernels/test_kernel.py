@@ -8,6 +8,7 @@ import pytest
 
 import gough
 from gough.catalogue import names
+from gough.errors import ConfigurationError
 from gough.kernels import Kernel
 from gough.kernels.reference import run
 from tests.kernels.random_tapes import assert_same
@@ -205,6 +206,18 @@ def test_models_of_the_catalogue(name):
         plain = Kernel("plain", {"q": closure.q, "p": closure.p}, expression, fuse=False)
         rows = np.hstack([q, np.broadcast_to(p, (len(q), len(p)))])
         assert_same(plain(q, p).reshape(len(q), -1), run(plain.program, rows))
+
+
+@pytest.mark.parametrize("shape", [(2,), (4,), (), (-1, -3), (-3,)])
+def test_a_shape_that_does_not_hold_the_output_is_refused(shape):
+    with pytest.raises(ConfigurationError, match="does not hold the 3 numbers of the output"):
+        Kernel("wrong", {"q": Q}, Q, shape)
+
+
+def test_sparse_inputs_are_refused():
+    lower = casadi.SX.sym("L", casadi.Sparsity.lower(2))
+    with pytest.raises(ConfigurationError, match="input L is sparse"):
+        Kernel("wrong", {"L": lower}, lower[1, 1])
 
 
 # complex numbers and intervals

@@ -53,7 +53,10 @@ class Evaluator:
 
     @property
     def addresses(self) -> Addresses:
-        """Machine code for loops that are compiled themselves; see `native.text` for its form."""
+        """Machine code for loops that are compiled themselves; see `native.text` for its form.
+
+        Bare numbers: keep this object as long as they are in use.
+        """
         return self.compilation.addresses
 
     def __call__(

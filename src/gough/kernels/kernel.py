@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from math import prod
 
 import casadi
 
+from gough.errors import ConfigurationError
 from gough.kernels import languages
 from gough.kernels.complex_lanes import complex_tape
 from gough.kernels.evaluator import Evaluator
@@ -28,6 +30,9 @@ class Kernel(Evaluator):
         shape: shape of one result; the shape of the output by default. Rows vary slowest.
         fuse: whether products and sums are joined in one rounding where the tape allows it.
             Without, results are bit-equal to `reference.run`.
+
+    Raises:
+        ConfigurationError: the shape does not hold the output, or an input is sparse.
     """
 
     def __init__(
@@ -39,13 +44,23 @@ class Kernel(Evaluator):
         fuse: bool = True,
     ) -> None:
         self.fuse = fuse
+        shape = tuple(output.shape) if shape is None else tuple(shape)
+        if min(shape, default=0) < 0 or prod(shape) != output.numel():
+            raise ConfigurationError(
+                f"{name}: shape {shape} does not hold the {output.numel()} numbers of the output"
+            )
+        for label, symbols in inputs.items():
+            if not symbols.is_dense():
+                raise ConfigurationError(
+                    f"{name}: input {label} is sparse; give all its numbers as one dense column"
+                )
         # CasADi stores by columns; the transposed output read by columns is rows first.
         flat = casadi.densify(casadi.vec(output.T))
         self.expression = casadi.Function("kernel", list(inputs.values()), [flat])
         super().__init__(
             name,
             {label: symbols.numel() for label, symbols in inputs.items()},
-            tuple(output.shape) if shape is None else tuple(shape),
+            shape,
             lambda: self.program,
             lambda: self.origin,
             self.expression.n_instructions(),

@@ -168,7 +168,7 @@ class _Reader:
 
     def _power(self, base: int, exponent: int) -> int:
         base, known = self.real(base), self.builder.constant_of(exponent)
-        if known is None or abs(known) > LARGEST_POWER or 2 * known != int(2 * known):
+        if known is None or not abs(known) <= LARGEST_POWER or 2 * known != int(2 * known):
             return self._emit("pow", base, exponent)
         size = abs(known)
         power = self._whole_power(base, int(size))
