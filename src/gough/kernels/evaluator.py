@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
 from math import prod
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,10 @@ from gough.kernels.native.compilation import Addresses, Compilation
 from gough.kernels.tape import Tape
 
 Array = NDArray[np.float64]
+
+
+_making = RLock()
+"""Several threads may make the first call: all must get one machine code."""
 
 
 class Evaluator:
@@ -44,12 +48,17 @@ class Evaluator:
         self._program, self._origin = program, origin
         self._simple = all(self.inputs.values()) and bool(self.inputs) and prod(shape) > 0
         self._single: Any = None
+        self._compilation: Compilation | None = None
 
-    @cached_property
+    @property
     def compilation(self) -> Compilation:
         """The program's machine code; its inputs are those that are not empty."""
-        sizes = [size for size in self.inputs.values() if size] or [1]
-        return Compilation(self.name, self._program, self._origin(), sizes, self.shape)
+        with _making:
+            if self._compilation is None:
+                sizes = [size for size in self.inputs.values() if size] or [1]
+                origin = self._origin()
+                self._compilation = Compilation(self.name, self._program, origin, sizes, self.shape)
+        return self._compilation
 
     @property
     def addresses(self) -> Addresses:

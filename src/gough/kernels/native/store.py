@@ -56,7 +56,7 @@ def compiled_from(origin: bytes, make: Callable[[], tuple[str, int]]) -> Loaded:
         origin: a digest of all that the text depends on besides our sources and the processor.
         make: gives the text and the level.
     """
-    shortcut = digest(origin, sources(), host().key())
+    shortcut = digest(origin, SOURCES, host().key())
     key = _disk().get(shortcut)
     known = None if key is None else _known(key)
     if known is not None:
@@ -90,7 +90,6 @@ def _known(key: bytes) -> Loaded | None:
     return loaded
 
 
-@cache
 def sources() -> bytes:
     """A digest of the state of the files that turn expressions into text.
 
@@ -108,3 +107,7 @@ def sources() -> bytes:
 @cache
 def _disk() -> Cache:
     return from_environment()
+
+
+SOURCES = sources()
+"""The state at import: code that is made later is made by what was imported."""
