@@ -119,3 +119,11 @@ def test_constants_and_sizes_near_the_ends_of_the_range(expression, x, expected)
     tape = expanded(read_expression(expression))
     found = run(tape, np.array([[x, 0.0, 0.0, 0.0]]))[0, 0]
     np.testing.assert_allclose(found, expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize("expression", [A * A - B * B, A * B - B * B, (A * A - B * B) + A * A * C])
+def test_a_difference_of_equal_products_is_zero(expression):
+    tape = fused(expanded(read_expression(expression)))
+    x = np.random.default_rng(1).normal(size=500)
+    rows = np.stack([x, x, np.zeros(500), x], axis=-1)
+    np.testing.assert_array_equal(exact_run(tape, rows)[:, 0], 0)

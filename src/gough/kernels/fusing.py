@@ -9,18 +9,22 @@ from gough.kernels.tape import Instruction, Tape
 def fused(tape: Tape) -> Tape:
     """The tape with a·b + c, a·b - c, c - a·b in one rounding where the product has no other use.
 
-    Of two products in one sum the second becomes part of the fused operation.
+    Of two products in one sum the second becomes part of the fused operation. A difference of two
+    products stays as it is: with one of them unrounded it would not be 0 where they are equal, and
+    a root of x·x - y·y would be NaN there.
     """
     uses = tape.uses()
-    lone = [op == "mul" and uses[k] == 1 for k, (op, _) in enumerate(tape.code)]
+    product = [op == "mul" for op, _ in tape.code]
+    lone = [product[k] and uses[k] == 1 for k in range(len(tape.code))]
     code = list(tape.code)
     for k, (op, operands) in enumerate(tape.code):
-        if op in ("add", "sub"):
-            a, b = operands
-            if lone[b]:
-                fused_op = "fma" if op == "add" else "fnma"
-                code[k] = Instruction(fused_op, (*tape.code[b].operands, a))
-            elif lone[a]:
-                fused_op = "fma" if op == "add" else "fms"
-                code[k] = Instruction(fused_op, (*tape.code[a].operands, b))
+        if op not in ("add", "sub"):
+            continue
+        a, b = operands
+        if op == "sub" and product[a] and product[b]:
+            continue
+        if lone[b]:
+            code[k] = Instruction("fma" if op == "add" else "fnma", (*tape.code[b].operands, a))
+        elif lone[a]:
+            code[k] = Instruction("fma" if op == "add" else "fms", (*tape.code[a].operands, b))
     return live(Tape(tape.inputs, code, tape.outputs))
