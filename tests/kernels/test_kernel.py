@@ -1,5 +1,6 @@
 """An expression as a numpy function over batches."""
 
+import threading
 from concurrent.futures import ThreadPoolExecutor
 
 import casadi
@@ -218,6 +219,21 @@ def test_sparse_inputs_are_refused():
     lower = casadi.SX.sym("L", casadi.Sparsity.lower(2))
     with pytest.raises(ConfigurationError, match="input L is sparse"):
         Kernel("wrong", {"L": lower}, lower[1, 1])
+
+
+def test_long_rows_in_any_arrangement_need_no_large_stack():
+    long = casadi.SX.sym("x", 3000)
+    double = Kernel("double", {"x": long}, long + long, (3000,))
+    x = np.asfortranarray(np.random.default_rng(1).normal(size=(9, 3000)))
+    out = np.empty((3000, 9)).T
+    before = threading.stack_size(256 * 1024)
+    try:
+        thread = threading.Thread(target=lambda: (double(x, out=out), double(x[0])))
+        thread.start()
+    finally:
+        threading.stack_size(before)
+    thread.join()
+    np.testing.assert_array_equal(out, 2 * x)
 
 
 # complex numbers and intervals

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from gough.kernels.reference import Reference
-from gough.kernels.tape import FUNCTIONS, LEAVES, REAL, RESULTS, Instruction, Tape
+from gough.kernels.tape import FUNCTIONS, LEAVES, REAL, RESULTS, WORD, Instruction, Tape
 
 COMMUTATIVE = frozenset(("add", "mul", "equal", "and", "or")) | {
     *("word_add", "word_mul", "word_and", "word_or", "word_xor", "word_equal")
@@ -56,7 +56,7 @@ class Builder:
         """A literal of a kind."""
         if kind == REAL:
             return self.constant(value)
-        return self.bits(int(value)) if kind == "word" else self.flag(bool(value))
+        return self.bits(int(value)) if kind == WORD else self.flag(bool(value))
 
     # reading back
 

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from math import prod
-from threading import RLock
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough.kernels import arguments, threading
-from gough.kernels.native.compilation import Addresses, Compilation
+from gough.kernels.native.compilation import COMPILING, Addresses, Compilation
 from gough.kernels.tape import Tape
 
 Array = NDArray[np.float64]
 
-
-_making = RLock()
-"""Several threads may make the first call: all must get one machine code."""
+BUFFERED = 2000
+"""Numbers in a row, of inputs and output together, that `inner_loop.ll` may buffer on the stack."""
 
 
 class Evaluator:
@@ -46,14 +44,16 @@ class Evaluator:
     ) -> None:
         self.name, self.inputs, self.shape, self.size = name, dict(inputs), shape, size
         self._program, self._origin = program, origin
-        self._simple = all(self.inputs.values()) and bool(self.inputs) and prod(shape) > 0
+        self._long = sum(self.inputs.values()) + prod(shape) > BUFFERED
+        full = all(self.inputs.values()) and bool(self.inputs) and prod(shape) > 0
+        self._simple = full and not self._long
         self._single: Any = None
         self._compilation: Compilation | None = None
 
     @property
     def compilation(self) -> Compilation:
         """The program's machine code; its inputs are those that are not empty."""
-        with _making:
+        with COMPILING:
             if self._compilation is None:
                 sizes = [size for size in self.inputs.values() if size] or [1]
                 origin = self._origin()
@@ -108,6 +108,12 @@ class Evaluator:
         used = [array for array in checked if array.shape[-1]] or [np.zeros((*batch, 1))]
         if out is not None:  # rows are computed in blocks, some of them twice
             used = [array.copy() if np.may_share_memory(array, out) else array for array in used]
+        target = result
+        if self._long:  # rows that are not contiguous would be buffered on the stack
+            used = [np.ascontiguousarray(array) for array in used]
+            target = result if result.flags.c_contiguous else np.empty(result.shape)
         parts = threading.parts(rows * self.size, threads)
-        threading.run(function, used, result, batch, parts)
+        threading.run(function, used, target, batch, parts)
+        if target is not result:
+            result[...] = target
         return result if result.ndim or out is not None else result[()]

@@ -17,8 +17,8 @@ LONGEST = 4000
 """Operations of one function; longer programs become several."""
 
 
-_compiling = RLock()
-"""One thread compiles at a time; code in use must not be replaced."""
+COMPILING = RLock()
+"""One thread compiles at a time: all must get one machine code, and none in use be replaced."""
 
 
 class Addresses(NamedTuple):
@@ -74,7 +74,7 @@ class Compilation:
 
     def address(self, width: int) -> int:
         """The code with this many lanes."""
-        with _compiling:
+        with COMPILING:
             return self._address(width)
 
     def _address(self, width: int) -> int:

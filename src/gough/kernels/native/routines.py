@@ -13,8 +13,6 @@ from gough.kernels.functions.large_angles import routine
 from gough.kernels.native.lanes import ROUTINES, Lanes, attributes, routine_name
 from gough.kernels.tape import evaluate
 
-WIDTHS = (1, 2, 4, 8)
-
 
 def wanted(code: bytes) -> list[int]:
     """For which numbers of lanes machine code calls the routines, by the names that stand in it."""
