@@ -20,6 +20,7 @@ from gough.errors import DescriptionError, Path, Problem
 
 MAX_BYTES = 4 * 1024 * 1024
 MAX_DEPTH = 64
+_TOO_DEEP = f"lists and mappings nest more than {MAX_DEPTH} levels deep; flatten them"
 MAX_VALUES = 200_000
 MAX_DIGITS = 40
 MAX_PROBLEMS = 50
@@ -283,8 +284,7 @@ class _Reader:
 
     def _open(self, event: yaml.NodeEvent, frame: _Frame) -> None:
         if len(self._frames) == MAX_DEPTH:
-            text = f"lists and mappings nest more than {MAX_DEPTH} levels deep; flatten them"
-            raise _EndError(Problem(text, frame.path).at(*_place(event.start_mark)))
+            raise _EndError(Problem(_TOO_DEEP, frame.path).at(*_place(event.start_mark)))
         self._frames.append(frame)
 
     def _count(self, event: yaml.NodeEvent, path: Path) -> None:
@@ -482,6 +482,8 @@ _WORDS = (
         "text stands after the end of the document; one file holds one description",
     ),
     _Words("expected key", _DISCORD),
+    # newer libyaml counts by itself, and reads ahead of the events
+    _Words("maximum nesting depth", _TOO_DEEP),
     _Words("'-' indicator", _DISCORD),
     _Words("<block end>", _DISCORD),
 )
