@@ -12,6 +12,10 @@ from gough.algebra import Scalar, Transform, Vector
 
 Unit = Literal["m", "rad"]
 Dimensions = Mapping[str, Scalar]
+Hold = Literal["point", "axis", "orientation", "line", "level", "circle", "crossed"]
+"""A condition on frames a and b: their origins coincide; their z axes agree; all axes agree; the
+origin of b lies on the z axis of a, in its x-y plane, or there on a circle of the joint's
+``length``; the x axis of a is normal to the y axis of b."""
 Twist = tuple[Vector, Vector]
 """(linear, angular): velocity of the origin of frame b, angular velocity; in axes of frame a."""
 
@@ -34,6 +38,10 @@ class JointType(ABC):
     name: ClassVar[str]
     letter: ClassVar[str]
     """The letter of the joint in the name of a leg: U, P and S in 6-UPS."""
+    holds: ClassVar[tuple[Hold, ...]] = ()
+    """What it says of frames a and b in words, where a polynomial can."""
+    algebraic: ClassVar[bool] = True
+    """Whether ``holds`` says everything; an angle that is also a length is transcendental."""
     required: ClassVar[tuple[str, ...]] = ()
     optional: ClassVar[tuple[str, ...]] = ()
     planar: ClassVar[bool] = False

@@ -15,6 +15,7 @@ class Cylindrical(JointType):
 
     name = "cylindrical"
     letter = "C"
+    holds = ("axis", "line")
     rates = ("rad", "m")
 
     @property

@@ -15,6 +15,7 @@ class Fixed(JointType):
 
     name = "fixed"
     letter = ""
+    holds = ("orientation", "point")
     rates = ()
     planar = True
 

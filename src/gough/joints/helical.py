@@ -16,6 +16,7 @@ class Helical(JointType):
 
     name = "helical"
     letter = "H"
+    algebraic = False
     required = ("pitch",)
     rates = ("rad",)
 

@@ -20,6 +20,7 @@ class Parallelogram(JointType):
 
     name = "parallelogram"
     letter = "Pa"
+    holds = ("orientation", "circle")
     required = ("length", "width")
     optional = ("bar_mass",)
     rates = ("rad",)

@@ -15,6 +15,7 @@ class Planar(JointType):
 
     name = "planar"
     letter = "E"
+    holds = ("axis", "level")
     rates = ("m", "m", "rad")
 
     @property

@@ -15,6 +15,7 @@ class Prismatic(JointType):
 
     name = "prismatic"
     letter = "P"
+    holds = ("orientation", "line")
     rates = ("m",)
     planar = True
 

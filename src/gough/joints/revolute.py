@@ -15,6 +15,7 @@ class Revolute(JointType):
 
     name = "revolute"
     letter = "R"
+    holds = ("point", "axis")
     rates = ("rad",)
     planar = True
 

@@ -18,6 +18,7 @@ class Spherical(JointType):
 
     name = "spherical"
     letter = "S"
+    holds = ("point",)
     rates = ("rad", "rad", "rad")
 
     @property

@@ -15,6 +15,7 @@ class Universal(JointType):
 
     name = "universal"
     letter = "U"
+    holds = ("point", "crossed")
     rates = ("rad", "rad")
 
     @property

@@ -1,0 +1,1 @@
+"""Inverse and direct geometry: every solution of the closure equations, and paths through them."""
