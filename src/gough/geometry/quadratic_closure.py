@@ -81,7 +81,7 @@ class QuadraticClosure:
         steps = rng.normal(size=(STATES - 1, rates)) * 0.1 * self.assembler.rate_scale
         return np.array([self.home, *(models.retract(self.home, step) for step in steps)])
 
-    def _probe(self, scalars: Sequence[Scalar]) -> Array:
+    def probe(self, scalars: Sequence[Scalar]) -> Array:
         closure = self.models.closure
         column = casadi.vertcat(*(casadi.SX(x) for x in scalars))
         function = casadi.Function("probe", [closure.q, closure.p], [column])
@@ -100,7 +100,7 @@ class QuadraticClosure:
         if platform in self.known:
             pose = self.base_poses[platform]
         return NaturalClosure(
-            structure, closure.values, closure.nominal, positions, self._probe, pose, turn
+            structure, closure.values, closure.nominal, positions, self.probe, pose, turn
         )
 
     @cached_property
@@ -149,7 +149,7 @@ class QuadraticClosure:
         for u in self.left:
             unknown = self.natural.unknowns[u]
             if unknown.size is not None:
-                sizes.append(float(self._probe([unknown.size])[0, 0]))
+                sizes.append(float(self.probe([unknown.size])[0, 0]))
             else:
                 sizes.append(1.0 if unknown.kind == "angle" else self.assembler.length)
         return np.array(sizes)

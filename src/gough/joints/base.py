@@ -7,10 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gough import algebra as al
 from gough.algebra import Scalar, Transform, Vector
 
 Unit = Literal["m", "rad"]
+Poses = NDArray[np.float64]
 Dimensions = Mapping[str, Scalar]
 Hold = Literal["point", "axis", "orientation", "line", "level", "circle", "crossed"]
 """A condition on frames a and b: their origins coincide; their z axes agree; all axes agree; the
@@ -92,6 +96,18 @@ class JointType(ABC):
     @abstractmethod
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         """T_a_b for a position."""
+
+    @abstractmethod
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        """The position of frame b in frame a, the inverse of ``placement``.
+
+        Args:
+            T: T_a_b as the joint allows them, (*batch, 4, 4).
+            dimensions: numbers the type needs besides its frames.
+
+        Returns:
+            Positions, angles in (-π, π], (*batch, coordinates).
+        """
 
     @abstractmethod
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
@@ -179,3 +195,8 @@ def _in_plane(frame: Transform) -> int:
     """A column of a frame in the plane: x, or y where x is the normal."""
     out_of_plane = frame[0][2][0]
     return 1 if al.is_number(out_of_plane) and abs(out_of_plane) > 0.5 else 0
+
+
+def angle_about_z(T: Poses) -> Poses:
+    """The angle of a rotation about z, rad, (*batch,)."""
+    return np.asarray(np.arctan2(T[..., 1, 0], T[..., 0, 0]))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Row, Twist
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
 
 
 class Fixed(JointType):
@@ -21,6 +23,9 @@ class Fixed(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.HERE
+
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        return np.zeros((*T.shape[:-2], 0))
 
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         return []

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import quaternion
-from gough.joints.base import Dimensions, JointType, Row, Twist, Unit
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist, Unit
 
 TRANSLATIONS = ("x", "y", "z")
 ROTATIONS = ("rx", "ry", "rz")
 POSE = TRANSLATIONS + ROTATIONS
+AROUND = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}
+"""The plane that a rotation about an axis turns, from the first axis to the second."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,15 @@ class Free(JointType):
                 return al.rotation_about(turn[1], q[0])
         return al.rotation_from_quaternion_wxyz(q)
 
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        shifts = [T[..., TRANSLATIONS.index(move), 3] for move in self._shifts]
+        if len(self._turns) == 3:
+            turns = list(np.moveaxis(quaternion.wxyz_from_rotations(T[..., :3, :3]), -1, 0))
+        else:
+            pairs = [AROUND[move[1]] for move in self._turns]
+            turns = [np.arctan2(T[..., k, i], T[..., i, i]) for i, k in pairs]
+        return np.stack([*shifts, *turns], axis=-1) if self.moves else np.zeros((*T.shape[:-2], 0))
+
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         linear = [(al.AXES[move], al.ZERO) for move in self._shifts]
         return linear + [(al.ZERO, al.AXES[move[1]]) for move in self._turns]
@@ -114,5 +127,5 @@ class Free(JointType):
 
 
 def _angle_about(axis: str, R: al.Matrix) -> float:
-    i, k = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    i, k = AROUND[axis]
     return float(al.atan2(R[k][i], R[i][i]))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Row, Twist
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
 
 
 class Helical(JointType):
@@ -22,6 +24,12 @@ class Helical(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_about("z", q[0]), (0.0, 0.0, _advance(dimensions) * q[0])
+
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        turns = T[..., 2, 3] / dimensions["pitch"]
+        angle = base.angle_about_z(T)
+        # the advance tells the number of turns, the rotation the angle
+        return (angle + 2 * np.pi * np.round(turns - angle / (2 * np.pi)))[..., None]
 
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         return [((0.0, 0.0, _advance(dimensions)), al.Z)]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Row, Twist
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
 
 
 class Parallelogram(JointType):
@@ -29,6 +31,9 @@ class Parallelogram(JointType):
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         (x, _, _) = al.transpose(al.rotation_about("z", q[0]))
         return al.IDENTITY, al.scale(dimensions["length"], x)
+
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        return np.asarray(np.arctan2(T[..., 1, 3], T[..., 0, 3]))[..., None]
 
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         (_, y, _) = al.transpose(al.rotation_about("z", q[0]))

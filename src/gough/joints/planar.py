@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Row, Twist
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
 
 
 class Planar(JointType):
@@ -24,6 +26,9 @@ class Planar(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_about("z", q[2]), (q[0], q[1], 0.0)
+
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        return np.stack([T[..., 0, 3], T[..., 1, 3], base.angle_about_z(T)], axis=-1)
 
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         return [(al.X, al.ZERO), (al.Y, al.ZERO), (al.ZERO, al.Z)]

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gough.algebra import Matrix, Scalar
 
 IDENTITY_WXYZ = (1.0, 0.0, 0.0, 0.0)
@@ -63,3 +66,21 @@ def wxyz_from_rotation(R: Matrix) -> tuple[float, ...]:
     y = (w[2], x[2], squares[2], R[1][2] + R[2][1])
     z = (w[3], x[3], y[3], squares[3])
     return normalised_wxyz((w, x, y, z)[largest])
+
+
+def wxyz_from_rotations(R: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit quaternions of rotations, (*batch, 3, 3) -> (*batch, 4), as `wxyz_from_rotation`."""
+    d = [R[..., k, k] for k in range(3)]
+    squares = np.stack([1 + d[0] + d[1] + d[2]] + [1 - sum(d) + 2 * x for x in d], axis=-1)
+    minus = [R[..., i, k] - R[..., k, i] for i, k in ((2, 1), (0, 2), (1, 0))]
+    plus = {(i, k): R[..., i, k] + R[..., k, i] for i in range(3) for k in range(i)}
+    rows = [
+        [squares[..., 0], *minus],
+        [minus[0], squares[..., 1], plus[1, 0], plus[2, 0]],
+        [minus[1], plus[1, 0], squares[..., 2], plus[2, 1]],
+        [minus[2], plus[2, 0], plus[2, 1], squares[..., 3]],
+    ]
+    table = np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    largest = np.argmax(squares, axis=-1)[..., None, None]
+    q = np.take_along_axis(table, largest, axis=-2)[..., 0, :]
+    return np.asarray(q / np.linalg.norm(q, axis=-1, keepdims=True))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Row, Twist
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
 
 
 class Revolute(JointType):
@@ -21,6 +21,9 @@ class Revolute(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_about("z", q[0]), al.ZERO
+
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        return base.angle_about_z(T)[..., None]
 
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         return [(al.ZERO, al.Z)]

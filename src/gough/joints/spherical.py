@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base, quaternion
-from gough.joints.base import Dimensions, JointType, Row, Twist
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
 
 
 class Spherical(JointType):
@@ -47,6 +47,9 @@ class Spherical(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_from_quaternion_wxyz(q), al.ZERO
+
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        return quaternion.wxyz_from_rotations(T[..., :3, :3])
 
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         return [(al.ZERO, axis) for axis in al.IDENTITY]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Row, Twist
+from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
 
 
 class Universal(JointType):
@@ -24,6 +26,11 @@ class Universal(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.matmul(al.rotation_about("x", q[0]), al.rotation_about("y", q[1])), al.ZERO
+
+    def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
+        first = np.arctan2(T[..., 2, 1], T[..., 1, 1])
+        second = np.arctan2(T[..., 0, 2], T[..., 0, 0])
+        return np.stack([first, second], axis=-1)
 
     def twists(self, q: Sequence[Scalar], dimensions: Dimensions) -> list[Twist]:
         second = al.column(al.rotation_about("x", q[0]), 1)

@@ -170,8 +170,8 @@ class NaturalClosure:
         self.checks: list[Condition] = []
         self.clusters = self._clusters()
         self.of_body = {body: c for c in self.clusters for body in c.places}
-        self.links = [link for link in self._links() if self._cluster(link, 0) is not
-                      self._cluster(link, 1)]  # fmt: skip
+        self.links = [link for link in self._links() if self.cluster(link, 0) is not
+                      self.cluster(link, 1)]  # fmt: skip
         self.families = self._families()
         self._find_axes()
         self._place_references()
@@ -218,7 +218,8 @@ class NaturalClosure:
         if self.pose is not None and platform is not None:
             ties[base].append((platform, self.pose))
             ties[platform].append((base, al.inverse(self.pose)))
-        clusters, placed = [], set()
+        clusters: list[Cluster] = []
+        placed: set[str] = set()
         for body in (base, *ties):
             if body not in placed:
                 clusters.append(Cluster(body, _reach(body, ties)))
@@ -257,12 +258,12 @@ class NaturalClosure:
                     "written as polynomials"
                 )
 
-    def _cluster(self, link: Link, end: int) -> Cluster:
+    def cluster(self, link: Link, end: int) -> Cluster:
         return self.of_body[link.bodies[end]]
 
     def _frame(self, link: Link, end: int) -> Transform:
         """T_cluster_frame of a link's frame."""
-        place = self._cluster(link, end).places[link.bodies[end]]
+        place = self.cluster(link, end).places[link.bodies[end]]
         return al.compose(place, link.frames[end])
 
     def _holds(self, link: Link) -> tuple[str, ...]:
@@ -278,14 +279,15 @@ class NaturalClosure:
         ties: dict[str, list[tuple[str, Transform]]] = {c.name: [] for c in self.clusters}
         for link in self.links:
             if "orientation" in self._holds(link):
-                a, b = (self._cluster(link, end).name for end in (0, 1))
+                a, b = (self.cluster(link, end).name for end in (0, 1))
                 Ra, Rb = (self._frame(link, end)[0] for end in (0, 1))
                 R = al.matmul(Ra, al.transpose(Rb))
                 ties[a].append((b, (R, al.ZERO)))
                 ties[b].append((a, (al.transpose(R), al.ZERO)))
         self._tie_free(ties)
         families: list[Family] = []
-        by_name, placed = {c.name: c for c in self.clusters}, set()
+        by_name = {c.name: c for c in self.clusters}
+        placed: set[str] = set()
         for cluster in self.clusters:
             if cluster.name in placed:
                 continue
@@ -339,7 +341,7 @@ class NaturalClosure:
         if "axis" not in self._holds(link):
             return False
         for near, far in ((0, 1), (1, 0)):
-            known, free = (self._family(self._cluster(link, end)) for end in (near, far))
+            known, free = (self._family(self.cluster(link, end)) for end in (near, far))
             if free.rests or free.axis is not None or not (known.rests or known.axis):
                 continue
             R = self._turned(link, near)
@@ -356,7 +358,7 @@ class NaturalClosure:
 
     def _turned(self, link: Link, end: int) -> Matrix:
         """R_class_frame of a link's frame."""
-        return al.matmul(self._cluster(link, end).turn, self._frame(link, end)[0])
+        return al.matmul(self.cluster(link, end).turn, self._frame(link, end)[0])
 
     def _family(self, cluster: Cluster) -> Family:
         return self.families[cluster.family]
@@ -371,19 +373,19 @@ class NaturalClosure:
                 self.of_body[body].reference = self.of_body[body].places[body][1]
         for link in self.links:
             for end in (0, 1):
-                if self._cluster(link, end).reference is None:
-                    self._cluster(link, end).reference = self._frame(link, end)[1]
+                if self.cluster(link, end).reference is None:
+                    self.cluster(link, end).reference = self._frame(link, end)[1]
         for cluster in self.clusters:
             cluster.reference = cluster.reference or al.ZERO
 
     def _arm(self, link: Link, end: int) -> al.Vector:
         """From the reference point to a link's frame, in class axes."""
-        cluster = self._cluster(link, end)
+        cluster = self.cluster(link, end)
         assert cluster.reference is not None
         arm = al.minus(self._frame(link, end)[1], cluster.reference)
         return al.turn(cluster.turn, arm)
 
-    def _direction(self, link: Link, end: int, k: int) -> al.Vector:
+    def direction(self, link: Link, end: int, k: int) -> al.Vector:
         """Axis k of a link's frame, in class axes."""
         return al.column(self._turned(link, end), k)
 
@@ -392,28 +394,28 @@ class NaturalClosure:
         for link in self.links:
             holds = self._holds(link)
             for end in (0, 1):
-                family = self._family(self._cluster(link, end))
+                family = self._family(self.cluster(link, end))
                 if {"point", "line", "level", "circle"} & set(holds):
                     family.wanted.append(self._arm(link, end))
                 if "axis" in holds or (end == 0 and {"level", "circle"} & set(holds)):
-                    family.wanted.append(self._direction(link, end, 2))
+                    family.wanted.append(self.direction(link, end, 2))
         for link in self.links:
             if "crossed" in self._holds(link) and not self._spins(link):
                 for end, k in ((0, 0), (1, 1)):
-                    family = self._family(self._cluster(link, end))
-                    family.wanted.append(self._direction(link, end, k))
+                    family = self._family(self.cluster(link, end))
+                    family.wanted.append(self.direction(link, end, k))
 
     def _spins(self, link: Link) -> bool:
         """Whether the spin of a body about its only vector satisfies a universal joint."""
         for end, k in ((1, 1), (0, 0)):
-            family = self._family(self._cluster(link, end))
+            family = self._family(self.cluster(link, end))
             if family.rests or family.axis is not None or family.spin:
                 continue
-            lengthwise = [self._direction(e, 0, 2) for e in self.links if self._slides(e, family)]
+            lengthwise = [self.direction(e, 0, 2) for e in self.links if self._slides(e, family)]
             vectors = [*family.wanted, *lengthwise]
             if self._rank(vectors) > 1:
                 continue
-            across = self._direction(link, end, k)
+            across = self.direction(link, end, k)
             if all(self._zero(al.dot(across, v)) for v in vectors):
                 family.spin = link.name
                 self.dropped.add(link.name)
@@ -421,7 +423,7 @@ class NaturalClosure:
         return False
 
     def _slides(self, link: Link, family: Family) -> bool:
-        return "line" in self._holds(link) and self._family(self._cluster(link, 0)) is family
+        return "line" in self._holds(link) and self._family(self.cluster(link, 0)) is family
 
     def _stretched(self) -> dict[int, Link]:
         """Classes with a slide whose length makes up for any distance of their ends."""
@@ -430,9 +432,9 @@ class NaturalClosure:
             slides = [link for link in self.links if self._slides(link, family)]
             if family.rests or not slides:
                 continue
-            z = self._direction(slides[0], 0, 2)
+            z = self.direction(slides[0], 0, 2)
             if len(slides) > 1 or "orientation" not in self._holds(slides[0]):
-                family.wanted += [self._direction(link, 0, 2) for link in slides]
+                family.wanted += [self.direction(link, 0, 2) for link in slides]
                 continue
             aside = list(family.wanted)
             if family.axis is not None:
@@ -514,7 +516,8 @@ class NaturalClosure:
     def _position_of(self, cluster: Cluster) -> Vector:
         if cluster is self.clusters[0]:
             return (po.ZERO,) * 3
-        moves, kind = set(TRANSLATIONS), "position"
+        moves = set(TRANSLATIONS)
+        kind: Kind = "position"
         for body, free in self._free_moves().items():
             if self.of_body[body] is cluster:
                 moves = set(free)
@@ -607,7 +610,7 @@ class NaturalClosure:
             self.conditions.append(Condition(polynomial, family.name, "shape", length))
 
     def _write_link(self, link: Link) -> None:
-        a, b = (self._cluster(link, end) for end in (0, 1))
+        a, b = (self.cluster(link, end) for end in (0, 1))
         if self._stretches(link):
             if not self.planar and self._family(a).axis is not None:
                 self._write_in_plane(link)
@@ -640,23 +643,23 @@ class NaturalClosure:
 
     def _write_in_plane(self, link: Link) -> None:
         """The ends of a slide that turns about a known axis stay in a plane normal to it."""
-        family = self._family(self._cluster(link, 0))
+        family = self._family(self.cluster(link, 0))
         assert family.axis is not None
         normal = tuple(Polynomial.constant(x) for x in al.column(family.axis[0], 2))
         axis = al.column(family.axis[1], 2)
         ends = [
-            po.dot(normal, self._cluster(link, end).position)
+            po.dot(normal, self.cluster(link, end).position)
             + Polynomial.constant(al.dot(axis, self._arm(link, end)))
             for end in (0, 1)
         ]
         self._equate(link, (ends[1] - ends[0],))
 
     def _point(self, link: Link, end: int) -> Vector:
-        cluster = self._cluster(link, end)
+        cluster = self.cluster(link, end)
         return po.plus(cluster.position, self.image(self._family(cluster), self._arm(link, end)))
 
     def _axis(self, link: Link, end: int, k: int) -> Vector:
-        return self.image(self._family(self._cluster(link, end)), self._direction(link, end, k))
+        return self.image(self._family(self.cluster(link, end)), self.direction(link, end, k))
 
     def _equate(self, link: Link, zeros: Vector) -> None:
         kept = zeros[:2] if self.planar and len(zeros) == 3 else zeros
@@ -681,7 +684,7 @@ class NaturalClosure:
                 values |= dict(zip(family.pair, (turned[0][0], turned[1][0]), strict=True))
         for link, slide in self.slides.items():
             a, b = (
-                al.compose(poses[self._cluster(link, end).name], self._frame(link, end))
+                al.compose(poses[self.cluster(link, end).name], self._frame(link, end))
                 for end in (0, 1)
             )
             values[slide] = al.dot(al.column(a[0], 2), al.minus(b[1], a[1]))
