@@ -48,6 +48,7 @@ class QuadraticClosure:
         natural: the equations with symbols, in positions q of the known joints.
         n: how many unknowns are left.
         pattern: the square system, homogeneous in 1 + n unknowns.
+        loose: its equations that say more than that an angle, a rotation or a vector is one.
 
     Raises:
         ConfigurationError: the equations are no polynomials, or leave a freedom.
@@ -197,10 +198,17 @@ class QuadraticClosure:
                 f"{self.models.structure.mechanism.name} open at home: its solutions are not points"
             )
         self.square = picked
+        solved = {self.left[k - 1] for k in self.pivots}
+        self.loose = np.flatnonzero([not self._keeps_shape(i, solved) for i in picked])
         self.others = np.setdiff1d(np.arange(len(full)), np.concatenate([picked, self.linear]))
         seen = np.max([np.abs(Q[picked]) for Q in reduced], axis=0) > 1e-13
+        seen[self.loose, 0, 0] = True
         e, a, b = np.nonzero(seen)
         self.pattern = Quadratics(1 + self.n, e, a, b)
+
+    def _keeps_shape(self, equation: int, solved: set[int]) -> bool:
+        condition = self.natural.conditions[equation]
+        return self.natural.keeps_shape(condition) and not condition.polynomial.unknowns & solved
 
     def _reduced(self, q: Array) -> tuple[Array, Array]:
         """Equations in the unknowns kept, (equations, 1 + n, 1 + n), and T with x_all = T x."""

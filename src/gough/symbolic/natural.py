@@ -18,7 +18,7 @@ and would only double every solution.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -43,6 +43,8 @@ Array = NDArray[np.float64]
 Probe = Callable[[Sequence[Scalar]], Array]
 """Numbers of some scalars at a few states, (states, scalars): what is zero there is zero."""
 
+ZERO = 1e-11
+"""Size of a coefficient that is zero but for rounding."""
 SMALL = 1e-9
 """Components of vectors relative to their size below which they are zero for a probe."""
 
@@ -57,6 +59,8 @@ ORDER: tuple[Kind, ...] = (
 class Unknown:
     """One scalar unknown."""
 
+    owner: str
+    """The cluster, class or joint it belongs to."""
     name: str
     kind: Kind
     size: Scalar = None
@@ -462,8 +466,8 @@ class NaturalClosure:
 
     # unknowns
 
-    def _new(self, name: str, kind: Kind, size: Scalar = None) -> int:
-        self.unknowns.append(Unknown(name, kind, size))
+    def _new(self, owner: str, name: str, kind: Kind, size: Scalar = None) -> int:
+        self.unknowns.append(Unknown(owner, f"{owner}.{name}", kind, size))
         return len(self.unknowns) - 1
 
     def _introduce(self) -> None:
@@ -485,15 +489,18 @@ class NaturalClosure:
             axial = al.column(family.axis[1], 2)
             if all(self._parallel(v, axial) for v in family.wanted):
                 return
-            c, s = self._new(f"{family.name}.cos", "angle"), self._new(f"{family.name}.sin", "angle")
-            family.pair = (c, s)
+            family.pair = (
+                self._new(family.name, "cos", "angle"), self._new(family.name, "sin", "angle")
+            )  # fmt: skip
             return
         family.basis = self._basis(family.wanted, rank)
         for n, _ in enumerate(family.basis):
             axes = "xy" if self.planar else "xyz"
-            names = [f"{family.name}.{'uvw'[n]}{axis}" for axis in axes]
             size = al.norm(family.basis[n])
-            parts = [Polynomial.unknown(self._new(name, kind, size)) for name in names]
+            parts = [
+                Polynomial.unknown(self._new(family.name, "uvw"[n] + axis, kind, size))
+                for axis in axes
+            ]
             family.images.append(tuple(parts) + ((po.ZERO,) if self.planar else ()))
 
     def _parallel(self, v: al.Vector, axis: al.Vector) -> bool:
@@ -526,7 +533,7 @@ class NaturalClosure:
         if self.planar:
             moves -= {"z"}
         return tuple(
-            Polynomial.unknown(self._new(f"{cluster.name}.{axis}", kind)) if axis in moves
+            Polynomial.unknown(self._new(cluster.name, axis, kind)) if axis in moves
             else po.ZERO
             for axis in TRANSLATIONS
         )  # fmt: skip
@@ -623,7 +630,7 @@ class NaturalClosure:
                 case "axis":
                     self._equate(link, po.minus(self._axis(link, 1, 2), self._axis(link, 0, 2)))
                 case "line":
-                    self.slides[link] = self._new(f"{link.name}.length", "slide")
+                    self.slides[link] = self._new(link.name, "length", "slide")
                     slide = Polynomial.unknown(self.slides[link])
                     along = tuple(slide * x for x in self._axis(link, 0, 2))
                     self._equate(link, po.minus(offset, along))
@@ -712,14 +719,43 @@ class NaturalClosure:
             value = {index: rest.scaled(-1.0 / pivot)}
             self.conditions.remove(condition)
             self.conditions = [
-                Condition(c.polynomial.substituted(value), c.source, c.kind, c.length)
-                for c in self.conditions
+                replace(c, polynomial=c.polynomial.substituted(value)) for c in self.conditions
             ]
             self.solved = {k: p.substituted(value) for k, p in self.solved.items()} | value
             self._tidy()
         self._tidy()
+        for shape in [c for c in self.conditions if self.keeps_shape(c)]:
+            self._reduce(shape)
+        self._tidy()
         self._drop_repeats()
         self._drop_flips()
+
+    def _reduce(self, shape: Condition) -> None:
+        """Take squares and products that the shape of a class knows out of other equations."""
+        plain = {k: x for k, x in shape.polynomial.terms.items() if len(k) == 2 and al.is_number(x)}
+        if not plain:
+            return
+        lead, value = next(iter(plain.items()))
+        reduced = {
+            n: condition.polynomial - shape.polynomial.scaled(x / value)
+            for n, condition in enumerate(self.conditions)
+            if condition is not shape and (x := condition.polynomial.terms.get(lead)) is not None
+        }
+        for n, polynomial in self._without_zeros(reduced).items():
+            before = self.conditions[n]
+            if len(polynomial.terms) < len(before.polynomial.terms):
+                self.conditions[n] = replace(before, polynomial=polynomial)
+
+    def _without_zeros(self, polynomials: Mapping[int, Polynomial]) -> dict[int, Polynomial]:
+        """Polynomials without the coefficients that are zero at every probed state."""
+        scalars = [x for polynomial in polynomials.values() for x in polynomial.terms.values()]
+        if not scalars:
+            return dict(polynomials)
+        sizes = iter(np.max(np.abs(self.probe(scalars)), axis=0))
+        return {
+            n: Polynomial({key: x for key, x in polynomial.terms.items() if next(sizes) > ZERO})
+            for n, polynomial in polynomials.items()
+        }
 
     def _drop_repeats(self) -> None:
         """Leave out equations that are a multiple of an earlier one at every probed state."""
@@ -756,6 +792,11 @@ class NaturalClosure:
                 self.conditions = [c for c in self.conditions if c not in asking]
                 self.flips.append((family, others[0]))
 
+    def keeps_shape(self, condition: Condition) -> bool:
+        """Whether an equation only says what the vectors of one class are by themselves."""
+        owners = {self.unknowns[u].owner for u in condition.polynomial.unknowns}
+        return condition.kind == "shape" and owners == {condition.source}
+
     def _left(self) -> set[int]:
         return {u for c in self.conditions for u in c.polynomial.unknowns}
 
@@ -774,24 +815,10 @@ class NaturalClosure:
 
     def _tidy(self) -> None:
         """Drop coefficients that are zero at every probed state, and equations that say nothing."""
-        scalars = [x for c in self.conditions for x in c.polynomial.terms.values()]
-        if not scalars:
-            return
-        sizes = iter(np.max(np.abs(self.probe(scalars)), axis=0))
-        kept: list[Condition] = []
-        for condition in self.conditions:
-            terms = {
-                key: value
-                for key, value in condition.polynomial.terms.items()
-                if next(sizes) > 1e-11
-            }
-            polynomial = Polynomial(terms)
-            tidy = Condition(polynomial, condition.source, condition.kind, condition.length)
-            if polynomial.degree > 0:
-                kept.append(tidy)
-            elif terms:
-                self.checks.append(tidy)
-        self.conditions = kept
+        found = self._without_zeros({n: c.polynomial for n, c in enumerate(self.conditions)})
+        tidy = [replace(c, polynomial=found[n]) for n, c in enumerate(self.conditions)]
+        self.conditions = [c for c in tidy if c.polynomial.degree > 0]
+        self.checks += [c for c in tidy if c.polynomial.degree == 0 and c.polynomial.terms]
 
 
 def _reach(start: str, ties: Mapping[str, Sequence[tuple[str, Transform]]]) -> dict[str, Transform]:
