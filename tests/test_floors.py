@@ -7,14 +7,14 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "src" / "gough"
 FLOORS = [
-    {"errors", "algebra"},
+    {"errors", "algebra", "cache"},
     {"joints", "kernels", "numerics"},
     {"description"},
     {"topology", "formats", "catalogue"},
     {"symbolic"},
     {"models"},
     {"assembly"},
-    {"analysis"},
+    {"analysis", "geometry"},
     {"robot"},
     {"view"},
     {"studies", "catalogue_facts"},
@@ -22,7 +22,7 @@ FLOORS = [
 ]
 LEVEL = {room: k for k, floor in enumerate(FLOORS) for room in floor}
 HEAVY = {
-    "casadi": {"kernels", "symbolic", "models"},
+    "casadi": {"kernels", "symbolic", "models", "geometry"},
     "llvmlite": {"kernels", "numerics"},
     "numba": {"numerics"},
     "matplotlib": {"view"},

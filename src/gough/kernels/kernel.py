@@ -8,6 +8,7 @@ from math import prod
 
 import casadi
 
+from gough.cache import digest
 from gough.errors import ConfigurationError
 from gough.kernels import languages
 from gough.kernels.complex_lanes import complex_tape
@@ -15,7 +16,6 @@ from gough.kernels.evaluator import Evaluator
 from gough.kernels.expansion import expanded
 from gough.kernels.fusing import fused
 from gough.kernels.intervals import interval_tape
-from gough.kernels.native.cache import digest
 from gough.kernels.reading import read
 from gough.kernels.tape import Tape
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from threading import RLock
 from typing import Any, NamedTuple
 
-from gough.kernels.native.cache import digest
+from gough.cache import digest
 from gough.kernels.native.machine import Loaded, host, level_for
 from gough.kernels.native.store import compiled_from
 from gough.kernels.native.text import ENTRY, KernelText

@@ -13,8 +13,8 @@ from functools import cache
 from pathlib import Path
 from weakref import WeakValueDictionary
 
+from gough.cache import Cache, digest, from_environment
 from gough.kernels.native import routines
-from gough.kernels.native.cache import Cache, digest, from_environment
 from gough.kernels.native.lanes import routine_name
 from gough.kernels.native.machine import Loaded, host
 

@@ -7,8 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
+from gough.cache import MAGIC, Cache, digest, from_environment
 from gough.errors import ConfigurationError
-from gough.kernels.native.cache import MAGIC, Cache, digest, from_environment
 
 KEY, OTHER = digest("one"), digest("other")
 CODE = b"\x7fELF" + bytes(range(256)) * 8

@@ -1,4 +1,4 @@
-"""Machine code on disk, so that it is made once for all processes.
+"""Results on disk, machine code above all, so that they are made once for all processes.
 
 A file holds a digest of its content, so that a broken or foreign file is seen and replaced; files
 appear by an atomic rename, so that several processes may share the folder. Switches in the
@@ -17,7 +17,7 @@ from pathlib import Path
 
 from gough.errors import ConfigurationError
 
-MAGIC = b"gough object code 1\n"
+MAGIC = b"gough cache 1\n"
 DEFAULT_SIZE = 256.0
 """Largest size of the folder in MB."""
 CHECKED_EVERY = 32
