@@ -18,11 +18,11 @@ from gough import algebra as al
 from gough.algebra import Scalar
 from gough.description.frames import transform
 from gough.description.values import scalar
-from gough.geometry.quadratic_closure import QuadraticClosure
+from gough.geometry.problem import Problem
 from gough.joints import TYPES
 from gough.kernels import Kernel
 from gough.symbolic import polynomials as po
-from gough.symbolic.natural import Cluster, Family, Link
+from gough.symbolic.natural import Family, Link
 from gough.topology import Edge
 
 Array = NDArray[np.float64]
@@ -32,20 +32,20 @@ class Placing:
     """Places the bodies of one mechanism.
 
     Args:
-        closure: equations whose solutions are placed.
+        problem: what is known of it.
     """
 
-    def __init__(self, closure: QuadraticClosure) -> None:
-        self.closure, self.natural = closure, closure.natural
-        self.models, self.assembler = closure.models, closure.assembler
-        self.structure = closure.models.structure
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.natural = problem, problem.natural
+        self.models, self.assembler = problem.models, problem.assembler
+        self.structure = problem.models.structure
 
     def configurations(self, q: Array, unknowns: Array, near: Array) -> Array:
         """Closed configurations.
 
         Args:
             q: configurations with the known positions in their places, (rows, positions).
-            unknowns: values of the unknowns that the closure leaves, (rows, left).
+            unknowns: values of the unknowns that the problem leaves, (rows, left).
             near: what choices are made nearest to, (positions,) or (rows, positions).
 
         Returns:
@@ -92,7 +92,7 @@ class Placing:
     def _bundle(self) -> tuple[Kernel, dict[Any, tuple[int, tuple[int, ...]]]]:
         """One kernel for all of it, and where each part stands in its result."""
         closure, layout = self.models.closure, {}
-        left = casadi.SX.sym("unknowns", len(self.closure.left))
+        left = casadi.SX.sym("unknowns", len(self.problem.left))
         signs = casadi.SX.sym("signs", len(self.natural.flips))
         self._values = self._symbols(left, signs)
         scalars: list[Scalar] = []
@@ -107,7 +107,7 @@ class Placing:
 
     def _symbols(self, left: casadi.SX, signs: casadi.SX) -> dict[int, Scalar]:
         """Every unknown in terms of those left."""
-        values: dict[int, Scalar] = {u: left[k] for k, u in enumerate(self.closure.left)}
+        values: dict[int, Scalar] = {u: left[k] for k, u in enumerate(self.problem.left)}
         for n, (family, condition) in enumerate(self.natural.flips):
             a, b = self._homogeneous(family, condition.polynomial, values)
             size = signs[n] / al.sqrt(al.add(al.mul(a, a), al.mul(b, b)))
@@ -208,11 +208,11 @@ class Placing:
 
     def _stretch_sign(self, link: Link) -> float:
         """Whether a slide holds its ends apart along its axis or against it, at home."""
-        poses = self._base_poses(self.closure.home[None])
+        poses = self._base_poses(self.problem.home[None])
         a, b = (self.natural.cluster(link, end) for end in (0, 1))
         at_home = self._data(
-            self.closure.home[None],
-            np.zeros((1, len(self.closure.left))),
+            self.problem.home[None],
+            np.zeros((1, len(self.problem.left))),
             np.ones((1, len(self.natural.flips))),
         )
         ends = [

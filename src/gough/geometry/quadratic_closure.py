@@ -7,21 +7,16 @@ and lengths are scaled to about one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from functools import cached_property
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from gough import algebra as al
-from gough.algebra import Matrix, Scalar, Transform
-from gough.assembly import Assembler
+from gough.algebra import Scalar
 from gough.errors import ConfigurationError
+from gough.geometry.problem import Problem
 from gough.kernels import Kernel
-from gough.models import Models
 from gough.numerics.quadratics import Quadratics
-from gough.symbolic.natural import NaturalClosure
 from gough.symbolic.polynomials import Monomial
 
 Array = NDArray[np.float64]
@@ -30,99 +25,31 @@ Whole = NDArray[np.int64]
 
 RANK = 1e-7
 """Relative size below which a pivot is zero; the lengths here are about one."""
-STATES = 3
-"""At how many states it is looked at what is constant or zero: the home and others near it."""
 
 
 class QuadraticClosure:
-    """The equations of a mechanism with some positions known.
-
-    Args:
-        models: the mechanism's models.
-        assembler: what closes its loops.
-        home: a closed configuration q, (positions,).
-        known: names of joints whose positions are known, and of the platform where its pose is.
-        turn: R_base_platform of a platform that keeps its orientation.
+    """The equations of a problem with numbers as coefficients.
 
     Attributes:
-        natural: the equations with symbols, in positions q of the known joints.
         n: how many unknowns are left.
         pattern: the square system, homogeneous in 1 + n unknowns.
         loose: its equations that say more than that an angle, a rotation or a vector is one.
 
     Raises:
-        ConfigurationError: the equations are no polynomials, or leave a freedom.
+        ConfigurationError: the equations leave a freedom at home.
     """
 
-    def __init__(
-        self,
-        models: Models,
-        assembler: Assembler,
-        home: Array,
-        known: Iterable[str],
-        turn: Matrix | None = None,
-        seed: int = 0,
-    ) -> None:
-        self.models, self.assembler, self.home = models, assembler, home
-        self.known = set(known)
-        self.rng = np.random.default_rng(seed)
-        self.states = self._states()
-        self.natural = self._natural(turn)
-        self.left = sorted({u for c in self.natural.conditions for u in c.polynomial.unknowns})
+    def __init__(self, problem: Problem) -> None:
+        self.problem, self.natural, self.left = problem, problem.natural, problem.left
         self.place = {u: k + 1 for k, u in enumerate(self.left)}
         self.size = self._sizes()
         self._choose()
 
     # symbols
 
-    def _states(self) -> Array:
-        """The home, and states near it whose known positions are anything."""
-        models, rng = self.models, self.rng
-        rates = len(models.structure.variables)
-        steps = rng.normal(size=(STATES - 1, rates)) * 0.1 * self.assembler.rate_scale
-        return np.array([self.home, *(models.retract(self.home, step) for step in steps)])
-
-    def probe(self, scalars: Sequence[Scalar]) -> Array:
-        closure = self.models.closure
-        column = casadi.vertcat(*(casadi.SX(x) for x in scalars))
-        function = casadi.Function("probe", [closure.q, closure.p], [column])
-        p = self.assembler.p
-        return np.array([np.array(function(q, p)).reshape(-1) for q in self.states])
-
-    def _natural(self, turn: Matrix | None) -> NaturalClosure:
-        closure, structure = self.models.closure, self.models.structure
-        platform = structure.mechanism.platform
-        positions = {
-            edge.name: closure.position(k)
-            for k, edge in enumerate(structure.edges)
-            if edge.name in self.known and not edge.link
-        }
-        pose: Transform | None = None
-        if platform in self.known:
-            pose = self.base_poses[platform]
-        return NaturalClosure(
-            structure, closure.values, closure.nominal, positions, self.probe, pose, turn
-        )
-
-    @cached_property
-    def base_poses(self) -> dict[str, Transform]:
-        """T_base_body of every body, in positions q."""
-        poses = self.models.closure.poses
-        base = self.models.structure.mechanism.base
-        if base == self.models.structure.root:
-            return {**poses, base: al.HERE}
-        back = al.inverse(poses[base])
-        return {body: al.compose(back, T) for body, T in poses.items()}
-
-    @cached_property
-    def measured(self) -> Kernel:
-        """The value of every unknown at a configuration q: (*batch, unknowns)."""
-        values = self.natural.measured(self.base_poses)
-        return self._kernel("natural_coordinates", values)
-
     @cached_property
     def _coefficients(self) -> Kernel:
-        return self._kernel("closure_coefficients", [value for *_, value in self._terms])
+        return self.problem.kernel("closure_coefficients", [value for *_, value in self._terms])
 
     @cached_property
     def _terms(self) -> list[tuple[int, int, int, Scalar]]:
@@ -137,11 +64,6 @@ class QuadraticClosure:
         places = [0] * (2 - len(key)) + [self.place[u] for u in key]
         return places[0], places[1]
 
-    def _kernel(self, name: str, scalars: Sequence[Scalar]) -> Kernel:
-        closure = self.models.closure
-        column = casadi.vertcat(*(casadi.SX(x) for x in scalars)) if scalars else casadi.SX(0, 1)
-        return Kernel(name, {"q": closure.q, "p": closure.p}, column, (len(scalars),))
-
     # scales
 
     def _sizes(self) -> Array:
@@ -150,9 +72,9 @@ class QuadraticClosure:
         for u in self.left:
             unknown = self.natural.unknowns[u]
             if unknown.size is not None:
-                sizes.append(float(self.probe([unknown.size])[0, 0]))
+                sizes.append(float(self.problem.probe([unknown.size])[0, 0]))
             else:
-                sizes.append(1.0 if unknown.kind == "angle" else self.assembler.length)
+                sizes.append(1.0 if unknown.kind == "angle" else self.problem.assembler.length)
         return np.array(sizes)
 
     # numbers
@@ -163,7 +85,7 @@ class QuadraticClosure:
         full = np.zeros((count, len(self.size), len(self.size)))
         if self._terms:
             rows, left, right = self._indices
-            values = self._coefficients(q, self.assembler.p)
+            values = self._coefficients(q, self.problem.assembler.p)
             full[rows, left, right] = values * self.size[left] * self.size[right]
         return full
 
@@ -174,7 +96,7 @@ class QuadraticClosure:
 
     def _choose(self) -> None:
         """Choose pivots of the linear equations, and equations that determine the unknowns."""
-        full = self._full(self.states[1])
+        full = self._full(self.problem.states[1])
         self.row_size = np.abs(full).max(axis=(1, 2))
         linear = np.array([c.polynomial.degree == 1 for c in self.natural.conditions], dtype=bool)
         rows = np.flatnonzero(linear)
@@ -185,8 +107,8 @@ class QuadraticClosure:
         self.kept = np.setdiff1d(np.arange(len(self.size)), self.pivots)
         self.n = len(self.kept) - 1
         quadratic = np.flatnonzero(~linear)
-        reduced = [self._reduced(q)[0] for q in self.states]
-        x = self.homogeneous(self.home)
+        reduced = [self._reduced(q)[0] for q in self.problem.states]
+        x = self.homogeneous(self.problem.home)
         J = np.array([(Q + Q.T) @ x for Q in reduced[0][quadratic]])[:, 1:] if self.n else None
         picked = quadratic[:0]
         if J is not None and J.size:
@@ -195,7 +117,7 @@ class QuadraticClosure:
         if len(picked) < self.n:
             raise ConfigurationError(
                 f"the known joints leave {self.n - len(picked)} freedoms of "
-                f"{self.models.structure.mechanism.name} open at home: its solutions are not points"
+                f"{self.problem.models.structure.mechanism.name} open at home: its solutions are not points"
             )
         self.square = picked
         solved = {self.left[k - 1] for k in self.pivots}
@@ -230,7 +152,7 @@ class QuadraticClosure:
 
     def homogeneous(self, q: Array) -> Array:
         """The unknowns kept at a closed configuration, scaled, the homogenising one first."""
-        values = self.measured(q, self.assembler.p)[self.left]
+        values = self.problem.measured(q, self.problem.assembler.p)[self.left]
         return (np.concatenate([[1.0], values]) / self.size)[self.kept]
 
     def residuals(self, q: Array, x: NDArray[np.number]) -> NDArray[np.number]:
