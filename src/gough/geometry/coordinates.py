@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from gough.joints import Free
+from gough.algebra import Matrix
+from gough.assembly import Assembler
 from gough.models import Models
 from gough.topology import Role
 
@@ -59,11 +61,6 @@ class Coordinates:
     def __len__(self) -> int:
         return len(self.whole)
 
-    @property
-    def settable(self) -> bool:
-        """Whether coordinates can be written into a configuration one by one."""
-        return not self.turned
-
     def of(self, q: Array) -> Array:
         """The coordinates of configurations, (*batch, n)."""
         x = np.array(q[..., self.whole])
@@ -71,13 +68,51 @@ class Coordinates:
             x[..., place] = _rotation_vectors(q[..., quaternion])[..., axis]
         return x
 
+    def expression(self, q: casadi.SX) -> casadi.SX:
+        """The coordinates of a configuration as an expression, a column."""
+        values = [q[k] for k in self.whole]
+        for place, quaternion, axis in self.turned:
+            values[place] = _rotation_vector(q[quaternion])[axis]
+        return casadi.vertcat(*values) if values else casadi.SX(0, 1)
+
     def put(self, q: Array, x: Array) -> Array:
-        """Configurations with these coordinates and all else as in q, (*batch, positions)."""
-        assert self.settable
+        """Configurations with these coordinates and all else as in q, (*batch, positions).
+
+        Entries of a rotation vector replace those of q's, the others of it stay.
+        """
         batch = np.broadcast_shapes(q.shape[:-1], x.shape[:-1])
         placed = np.array(np.broadcast_to(q, (*batch, q.shape[-1])))
-        placed[..., self.whole] = x
+        plain = [k for k in range(len(self)) if k not in {place for place, *_ in self.turned}]
+        placed[..., [self.whole[k] for k in plain]] = x[..., plain]
+        if self.turned:
+            quaternion = self.turned[0][1]
+            vector = _rotation_vectors(placed[..., quaternion])
+            for place, _, axis in self.turned:
+                vector[..., axis] = x[..., place]
+            placed[..., quaternion] = _quaternions(vector)
         return placed
+
+    def fix_platform(self, q: Array) -> bool:
+        """Whether what they leave of the platform's pose is constant over configurations.
+
+        Args:
+            q: closed configurations on one motion, (rows, positions).
+        """
+        structure = self.models.structure
+        edge = structure.edge_to[str(structure.mechanism.platform)]
+        part, roles = self.models.closure.slices[edge], []
+        for variable in structure.variables:
+            if variable.edge == edge:
+                roles.append((variable.unit, variable.role == self.role))
+        position = q[:, part]
+        if position.shape[1] > len(roles):
+            position = np.concatenate([position[:, :-4], _rotation_vectors(position[:, -4:])], 1)
+        left = position[:, [k for k, (_, given) in enumerate(roles) if not given]]
+        return bool(np.all(np.ptp(left, axis=0) < CONSTANT)) if len(q) > 1 else left.shape[1] == 0
+
+
+CONSTANT = 1e-9
+"""How much a coordinate may change on a motion that leaves it constant, m or rad."""
 
 
 def _name(joint: str, label: str, link: bool) -> str:
@@ -94,20 +129,39 @@ def _rotation_vectors(q_wxyz: Array) -> Array:
     return np.asarray(v * np.where(size > 0, angle / np.where(size > 0, size, 1.0), 2.0))
 
 
-def translates(models: Models, home: Array, others: Array) -> bool:
-    """Whether the platform keeps its orientation over closed configurations.
+def _rotation_vector(q_wxyz: casadi.SX) -> casadi.SX:
+    """The same as an expression whose derivative exists at rest too."""
+    w, v = q_wxyz[0], q_wxyz[1:]
+    square = casadi.sumsqr(v)
+    small = square < 1e-8
+    size = casadi.sqrt(casadi.if_else(small, 1.0, square))
+    sign = casadi.if_else(w >= 0, 1.0, -1.0)
+    angle = 2 * casadi.atan2(size, casadi.fabs(w))
+    # 2 asin(s) / s = 2 + s²/3 + …, with what follows below 1e-16
+    return v * sign * casadi.if_else(small, 2 + square / 3, angle / size)
+
+
+def _quaternions(vectors: Array) -> Array:
+    """Unit quaternions (w, x, y, z) of rotation vectors, (*batch, 4)."""
+    angle = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    half = 0.5 * np.sinc(angle / (2 * np.pi))
+    return np.concatenate([np.cos(angle / 2), half * vectors], axis=-1)
+
+
+def constant_turn(models: Models, assembler: Assembler, q: Array) -> Matrix | None:
+    """R_base_platform where the platform keeps it over configurations, else None.
 
     Args:
-        home: a configuration, (positions,).
-        others: more of them on the same motion, (rows, positions).
+        models: the mechanism's models.
+        assembler: its parameters.
+        q: closed configurations on one motion, (rows, positions).
     """
     structure = models.structure
     platform = structure.mechanism.platform
-    if platform is None:
-        return False
-    edge = structure.edges[structure.edge_to[platform]]
-    part = models.closure.slices[structure.edge_to[platform]]
-    if not isinstance(edge.type, Free) or edge.type.coordinates == edge.type.freedoms:
-        return False
-    here, there = home[part][-4:], others[:, part][:, -4:]
-    return bool(len(others)) and bool(np.all(np.abs(np.abs(there @ here) - 1) < 1e-12))
+    if platform is None or len(q) < 2:
+        return None
+    R = models.poses(q, assembler.p)[:, structure.bodies.index(platform), :3, :3]
+    if structure.mechanism.motion == "planar" or np.max(np.ptp(R, axis=0)) > CONSTANT:
+        return None
+    rows = np.where(np.abs(R[0] - np.round(R[0])) < 1e-12, np.round(R[0]), R[0])
+    return tuple(tuple(row) for row in rows.tolist())  # type: ignore[return-value]

@@ -80,9 +80,7 @@ def _complex(rng: np.random.Generator, n: int) -> Complex:
     return np.asarray(rng.normal(size=n) + 1j * rng.normal(size=n))
 
 
-def find_start_set(
-    family: Family, real: Array, x: Array, rng: np.random.Generator
-) -> StartSet:
+def find_start_set(family: Family, real: Array, x: Array, rng: np.random.Generator) -> StartSet:
     """Every solution of a random member.
 
     Args:

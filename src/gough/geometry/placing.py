@@ -283,7 +283,9 @@ class Placing:
     def _base_poses(self, q: Array) -> dict[str, Array]:
         """T_base_body of every body of the tree at configurations."""
         bodies, base = self.structure.bodies, self.structure.mechanism.base
-        found = dict(zip(bodies, np.moveaxis(self.models.poses(q, self.assembler.p), 1, 0), strict=True))
+        found = dict(
+            zip(bodies, np.moveaxis(self.models.poses(q, self.assembler.p), 1, 0), strict=True)
+        )
         if base in found:
             back = np.linalg.inv(found[base])
             found = {body: back @ T for body, T in found.items()}

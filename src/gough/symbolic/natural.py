@@ -420,7 +420,7 @@ class NaturalClosure:
             if self._rank(vectors) > 1:
                 continue
             across = self.direction(link, end, k)
-            if all(self._zero(al.dot(across, v)) for v in vectors):
+            if all(self.zero(al.dot(across, v)) for v in vectors):
                 family.spin = link.name
                 self.dropped.add(link.name)
                 return True
@@ -443,7 +443,7 @@ class NaturalClosure:
             aside = list(family.wanted)
             if family.axis is not None:
                 axis = al.column(family.axis[1], 2)
-                if not self._zero(al.dot(axis, z)):
+                if not self.zero(al.dot(axis, z)):
                     family.wanted.append(z)
                     continue
                 aside = [al.minus(v, al.scale(al.dot(axis, v), axis)) for v in aside]
@@ -461,7 +461,7 @@ class NaturalClosure:
         stacks = flat.reshape(len(flat), len(vectors), 3)
         return max(int(np.linalg.matrix_rank(stack, tol=SMALL)) for stack in stacks)
 
-    def _zero(self, x: Scalar) -> bool:
+    def zero(self, x: Scalar) -> bool:
         return bool(np.max(np.abs(self.probe([x]))) < SMALL)
 
     # unknowns
@@ -504,7 +504,7 @@ class NaturalClosure:
             family.images.append(tuple(parts) + ((po.ZERO,) if self.planar else ()))
 
     def _parallel(self, v: al.Vector, axis: al.Vector) -> bool:
-        return all(self._zero(x) for x in al.cross(v, axis))
+        return all(self.zero(x) for x in al.cross(v, axis))
 
     def _holds_platform(self, family: Family) -> bool:
         platform = self.structure.mechanism.platform
@@ -761,7 +761,9 @@ class NaturalClosure:
         """Leave out equations that are a multiple of an earlier one at every probed state."""
         kept: list[Condition] = []
         for condition in self.conditions:
-            same = [c for c in kept if c.polynomial.terms.keys() == condition.polynomial.terms.keys()]
+            same = [
+                c for c in kept if c.polynomial.terms.keys() == condition.polynomial.terms.keys()
+            ]
             if not any(self._proportional(c.polynomial, condition.polynomial) for c in same):
                 kept.append(condition)
         self.conditions = kept
@@ -770,7 +772,10 @@ class NaturalClosure:
         found = self.probe([p.terms[key] for p in (a, b) for key in a.terms])
         for first, second in found.reshape(len(found), 2, -1):
             k = int(np.argmax(np.abs(first)))
-            if np.max(np.abs(second - first * (second[k] / first[k]))) > 1e-11 * np.abs(second).max():
+            if (
+                np.max(np.abs(second - first * (second[k] / first[k])))
+                > 1e-11 * np.abs(second).max()
+            ):
                 return False
         return True
 
@@ -786,8 +791,10 @@ class NaturalClosure:
             asking = [c for c in self.conditions if pair & c.polynomial.unknowns]
             own = [c for c in asking if c.polynomial.unknowns == pair and c.kind == "shape"]
             others = [c for c in asking if c not in own]
-            if len(others) == 1 and len(own) == 1 and all(
-                len(pair & set(key)) == 1 for key in others[0].polynomial.terms
+            if (
+                len(others) == 1
+                and len(own) == 1
+                and all(len(pair & set(key)) == 1 for key in others[0].polynomial.terms)
             ):
                 self.conditions = [c for c in self.conditions if c not in asking]
                 self.flips.append((family, others[0]))

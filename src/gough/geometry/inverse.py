@@ -1,0 +1,371 @@
+"""Inverse geometry: configurations for given operational coordinates, every working mode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+from itertools import product
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from gough.algebra import Matrix
+from gough.assembly import Assembler
+from gough.errors import ConfigurationError
+from gough.geometry.closing import Closing
+from gough.geometry.coordinates import Coordinates, constant_turn
+from gough.geometry.placing import Placing
+from gough.geometry.problem import Problem
+from gough.kernels import Kernel
+from gough.models import Models
+from gough.symbolic.branches import Branches
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CLOSED = 1e-9
+"""Largest closure residual of a configuration that counts: sines, characteristic lengths."""
+WALKS, REACH = 6, 0.2
+"""Closed configurations near home from which it is told what a motion leaves constant."""
+PARTS = 8
+"""Parts of the way that Newton steps follow to keep a mode; a guess."""
+MOST_MODES = 4096
+"""Branches beyond this many are refused."""
+
+
+class Reached(Enum):
+    """How the inverse problem ended for one pose; the text is what the user reads."""
+
+    reached = "every loop closes"
+    out_of_reach = "a leg does not reach the pose"
+    impossible = "the mechanism can not take this pose"
+    open = "no configuration was found: the pose may be out of reach"
+
+
+ENDINGS = tuple(Reached)
+
+
+@dataclass(frozen=True)
+class InverseSolution:
+    """Configurations for a batch of operational coordinates."""
+
+    q: Array
+    """Positions of all joints, (*batch, positions); of the nearest point where not reached."""
+    ending: NDArray[np.int8]
+    """The place in `ENDINGS` of each row's, (*batch,)."""
+    reasons: tuple[str, ...]
+    """What keeps each row of the flattened batch from being reached, "" where it is."""
+
+    @property
+    def reached(self) -> Mask:
+        """Which rows have a configuration, (*batch,)."""
+        return np.asarray(self.ending == 0)
+
+
+@dataclass(frozen=True)
+class WorkingModes:
+    """Every configuration of the legs for one pose."""
+
+    robot: str
+    q: Array
+    """Positions of all joints, (modes, positions)."""
+    q_actuated: Array
+    """Positions of the actuated joints, (modes, actuated)."""
+    signs: NDArray[np.int8]
+    """The branch taken by each leg, 1 or -1, (modes, branches)."""
+    labels: tuple[str, ...]
+    """The joint or body at which each branch splits."""
+    short: tuple[str, ...]
+    """What legs do not reach, in words; empty where modes exist."""
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def words(self) -> list[str]:
+        """Each mode as a word of + and -, a letter for each branch."""
+        return ["".join("+" if s > 0 else "-" for s in row) for row in self.signs]
+
+    def __str__(self) -> str:
+        plural = "" if len(self) == 1 else "s"
+        lines = [f"{len(self)} working mode{plural} of {self.robot}"]
+        lines += list(self.short)
+        if self.labels:
+            lines.append("branches at " + ", ".join(self.labels))
+        for word, q in zip(self.words(), self.q_actuated, strict=True):
+            lines.append(f"  {word or '·'}  " + "  ".join(f"{value:+.6f}" for value in q))
+        return "\n".join(lines)
+
+
+class InverseGeometry:
+    """The inverse problem of one mechanism.
+
+    Where the platform's pose is all that is given, legs are solved one by one, in closed form where
+    their equations allow it; otherwise damped Newton steps start from a configuration near by.
+
+    Args:
+        models: the mechanism's models.
+        assembler: what closes its loops.
+        home: a closed configuration, (positions,).
+
+    Attributes:
+        coordinates: where the operational coordinates stand in q.
+
+    Raises:
+        ConfigurationError: the mechanism has no operational coordinates.
+    """
+
+    def __init__(self, models: Models, assembler: Assembler, home: Array) -> None:
+        self.models, self.assembler, self.home = models, assembler, home
+        self.coordinates = Coordinates(models, "operational")
+        if not len(self.coordinates):
+            raise ConfigurationError(
+                f"{models.structure.mechanism.name} has no operational coordinates; name some "
+                "under operational in its description"
+            )
+
+    # the problem
+
+    @cached_property
+    def _walked(self) -> Array:
+        """Closed configurations on home's motion, (rows, positions)."""
+        rng = np.random.default_rng(0)
+        found = [self.assembler.wander(self.home, rng, REACH) for _ in range(WALKS)]
+        return np.array([self.home, *(q for q in found if q is not None)])
+
+    @cached_property
+    def problem(self) -> Problem | None:
+        """The problem with the platform known, or joints; None if the coordinates leave it open."""
+        structure = self.models.structure
+        platform = structure.mechanism.platform
+        if platform is None:
+            known = [e.name for e in structure.edges if e.name in structure.mechanism.operational]
+            return self._posed(known, None)
+        if not self.coordinates.fix_platform(self._walked):
+            return None
+        return self._posed([platform], constant_turn(self.models, self.assembler, self._walked))
+
+    def _posed(self, known: Sequence[str], turn: Matrix | None) -> Problem | None:
+        try:
+            return Problem(self.models, self.assembler, self.home, known, turn)
+        except ConfigurationError:
+            return None
+
+    @cached_property
+    def _symbols(self) -> list[casadi.SX]:
+        return []
+
+    @cached_property
+    def branches(self) -> Branches | None:
+        """Closed forms, or None where some equations have none."""
+        if self.problem is None:
+            return None
+        measured = self.problem.natural.measured(self.problem.base_poses)
+        found = Branches(self.problem.natural, measured, self._new_signs())
+        return None if found.left or self._undetermined(found) else found
+
+    def _undetermined(self, found: Branches) -> bool:
+        """Whether unknowns are left that no equation asks for."""
+        natural = self.problem.natural if self.problem else None
+        assert natural is not None
+        known = set(found.values) | {u for family, _ in natural.flips for u in family.pair or ()}
+        needed = {u for p in natural.solved.values() for u in p.unknowns}
+        return not needed <= known or len(known | natural.solved.keys()) < len(natural.unknowns)
+
+    def _new_signs(self) -> Iterator[casadi.SX]:
+        while True:
+            self._symbols.append(casadi.SX.sym("sign"))
+            yield self._symbols[-1]
+
+    @property
+    def closed_form(self) -> bool:
+        """Whether every leg is solved in closed form."""
+        return self.branches is not None
+
+    @cached_property
+    def _kernel(self) -> Kernel:
+        """Values of the unknowns, then side, margin, short and long of each branch."""
+        assert self.branches is not None
+        assert self.problem is not None
+        closure = self.models.closure
+        values = [self.branches.values[u] for u in self.problem.left]
+        for branch in self.branches.branches:
+            values += [branch.side, branch.margin]
+            values += [0.0 if x is None else x for x in (branch.short, branch.long)]
+        signs = casadi.vertcat(*self._symbols) if self._symbols else casadi.SX(0, 1)
+        column = casadi.vertcat(*map(casadi.SX, values)) if values else casadi.SX(0, 1)
+        inputs = {"q": closure.q, "p": closure.p, "signs": signs}
+        return Kernel("inverse_geometry", inputs, column, (len(values),))
+
+    @cached_property
+    def placing(self) -> Placing:
+        """Places bodies once the unknowns are known."""
+        assert self.problem is not None
+        return Placing(self.problem)
+
+    # branches
+
+    def signs(self, q: Array) -> NDArray[np.int8]:
+        """The branch of each leg that a configuration is on, (branches,)."""
+        count = len(self.branches.branches) if self.branches else 0
+        signs = np.ones(count)
+        for _ in range(count):
+            sides = self._parted(self._kernel(q, self.assembler.p, signs))[1][..., 0]
+            signs = np.where(sides < 0, -1.0, 1.0)
+        return signs.astype(np.int8)
+
+    def _parted(self, found: Array) -> tuple[Array, Array]:
+        """Unknowns, and (side, margin, short, long) of each branch."""
+        assert self.problem is not None
+        assert self.branches is not None
+        n, count = len(self.problem.left), len(self.branches.branches)
+        return found[..., :n], found[..., n:].reshape(*found.shape[:-1], count, 4)
+
+    # solutions
+
+    def solve(
+        self, x: Array, near: Array | None = None, threads: int | None = None
+    ) -> InverseSolution:
+        """Configurations on the working mode of another.
+
+        Args:
+            x: operational coordinates, (*batch, n).
+            near: the configuration whose mode is kept and whose angles are nearest; home by
+                default, (positions,) or (*batch, positions).
+            threads: see `numerics.batch_newton`.
+        """
+        near = self.home if near is None else np.asarray(near, dtype=float)
+        x = self._checked(x)
+        rows = x.reshape(-1, x.shape[-1])
+        starts = np.broadcast_to(near, (*x.shape[:-1], len(self.home))).reshape(len(rows), -1)
+        if self.closed_form:
+            q, ending, reasons = self._in_closed_form(rows, np.array(starts))
+        else:
+            q, ending, reasons = self._by_steps(rows, np.array(starts), threads)
+        return InverseSolution(
+            q.reshape(*x.shape[:-1], -1), ending.reshape(x.shape[:-1]), tuple(reasons)
+        )
+
+    def _checked(self, x: Array) -> Array:
+        x = np.asarray(x, dtype=float)
+        n = len(self.coordinates)
+        if x.ndim == 0 or x.shape[-1] != n:
+            names = ", ".join(self.coordinates.names)
+            raise ConfigurationError(f"x has shape {x.shape}, expected (..., {n}): {names}")
+        if not np.all(np.isfinite(x)):
+            raise ConfigurationError("x has entries that are not finite")
+        x = np.array(x)
+        for k, name in enumerate(self.coordinates.names):
+            if name.rpartition(".")[2] == "qw":
+                x[..., k : k + 4] = _unit_quaternions(x[..., k : k + 4])
+        return x
+
+    def _in_closed_form(
+        self, x: Array, near: Array, signs: Array | None = None
+    ) -> tuple[Array, NDArray[np.int8], list[str]]:
+        if signs is None:
+            base = near if np.any(near != near[0]) else near[:1]
+            signs = np.array([self.signs(q) for q in base])
+        start = self.coordinates.put(near, x)
+        signs = np.broadcast_to(signs, (len(x), signs.shape[-1])).astype(float)
+        unknowns, parts = self._parted(self._kernel(start, self.assembler.p, signs))
+        q = self.placing.configurations(start, unknowns, near)
+        reachable = np.all(parts[..., 1] >= 0, axis=-1)
+        closed = self._gaps(q) <= CLOSED
+        ending = np.where(closed, 0, np.where(reachable, 2, 1)).astype(np.int8)
+        reasons = ["" if ok else self._reason(p) for ok, p in zip(closed, parts, strict=True)]
+        return q, ending, reasons
+
+    def _gaps(self, q: Array) -> Array:
+        """Largest scaled closure residual of each configuration, sides included."""
+        p, scale = self.assembler.p, self.assembler.row_scale
+        gaps = np.concatenate(
+            [scale * self.models.residual(q, p), self.models.sides(q, p)], axis=-1
+        )
+        largest = np.max(np.abs(gaps), axis=-1, initial=0.0)
+        return np.where(np.isfinite(largest), largest, np.inf)
+
+    def _reason(self, parts: Array) -> str:
+        """What keeps a pose from being reached."""
+        assert self.branches is not None
+        texts = []
+        for branch, (_, margin, short, long) in zip(self.branches.branches, parts, strict=True):
+            if margin >= 0:
+                continue
+            if branch.short is None:
+                texts.append(f"{branch.source} does not reach the pose")
+            elif short > 0:
+                texts.append(f"{branch.source} is {_length(short)} too short")
+            else:
+                texts.append(f"{branch.source} is {_length(long)} too long")
+        return "; ".join(texts) or Reached.impossible.value
+
+    def _by_steps(
+        self, x: Array, near: Array, threads: int | None
+    ) -> tuple[Array, NDArray[np.int8], list[str]]:
+        solution = self._closing.solve(near, x, steps=PARTS, threads=threads)
+        closed = (self._gaps(solution.x) <= CLOSED) & (solution.gap <= CLOSED)
+        ending = np.where(closed, 0, ENDINGS.index(Reached.open)).astype(np.int8)
+        return solution.x, ending, ["" if ok else Reached.open.value for ok in closed]
+
+    @cached_property
+    def _closing(self) -> Closing:
+        return Closing(self.models, self.assembler, self.coordinates)
+
+    def working_modes(self, x: Array, near: Array | None = None) -> WorkingModes:
+        """Every configuration for one pose, one for each choice of branches.
+
+        Slides that take the length of a leg count with the sign they have at home, and spins and
+        half turns of passive joints that move nothing else are those nearest to ``near``.
+
+        Args:
+            x: operational coordinates, (n,).
+            near: what is nearest to; home by default, (positions,).
+
+        Raises:
+            ConfigurationError: not every leg has a closed form.
+        """
+        if self.branches is None:
+            raise ConfigurationError(
+                f"the legs of {self.models.structure.mechanism.name} have no closed form that is "
+                "known here; inverse_geometry follows one working mode"
+            )
+        near = self.home if near is None else near
+        x = self._checked(x)
+        if x.ndim != 1:
+            raise ConfigurationError(f"x has shape {x.shape}, expected one pose")
+        signs = self._choices()
+        rows = np.broadcast_to(x, (len(signs), len(x)))
+        q, ending, reasons = self._in_closed_form(rows, np.tile(near, (len(signs), 1)), signs)
+        kept = ending == 0
+        actuated = Coordinates(self.models, "actuated")
+        short = () if kept.any() else tuple(sorted(set(reasons)))
+        labels = tuple(branch.source for branch in self.branches.branches)
+        return WorkingModes(
+            self.models.structure.mechanism.name, q[kept], actuated.of(q[kept]),
+            signs[kept].astype(np.int8), labels, short,
+        )  # fmt: skip
+
+    def _choices(self) -> Array:
+        assert self.branches is not None
+        count = len(self.branches.branches)
+        if 2**count > MOST_MODES:
+            raise ConfigurationError(f"there are 2^{count} branches; no more than 4096 are listed")
+        return np.array(list(product((1.0, -1.0), repeat=count))).reshape(2**count, count)
+
+
+def _unit_quaternions(q: Array) -> Array:
+    size = np.linalg.norm(q, axis=-1, keepdims=True)
+    away = np.abs(size - 1).max(initial=0.0)
+    if away > 1e-6:
+        raise ConfigurationError(
+            f"the length of the quaternion of x is off by {away:.3g}; it must be 1: w, x, y, z "
+            "stand last"
+        )
+    return np.asarray(q / size)
+
+
+def _length(metres: float) -> str:
+    return f"{1e3 * metres:.4g} mm" if metres < 1 else f"{metres:.4g} m"
