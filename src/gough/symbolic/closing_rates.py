@@ -18,7 +18,7 @@ from gough.joints import TYPES
 from gough.joints.base import Row
 from gough.joints.constraints import CONSTRAINTS
 from gough.symbolic.closure import Closure
-from gough.symbolic.screws import Motion, State, Way, combined, known
+from gough.symbolic.screws import Motion, State, Way, known
 from gough.topology import Closing
 
 Array = NDArray[np.float64]
@@ -39,6 +39,8 @@ class Samples:
     """Unit of each variable's rate that makes them comparable, (variables,): m or 1."""
     length: float
     """Characteristic length, m."""
+    telling: bool = True
+    """Whether they are enough to tell what never changes."""
 
 
 class ClosingRates:
@@ -60,36 +62,35 @@ class ClosingRates:
 
     def motion(self, way: Way) -> Motion:
         """The motion at the end of a way."""
-        return Motion(way, self.C, self._evaluated, self.samples.length)
+        return Motion(
+            way, self.C, self._evaluated if self.samples.telling else None, self.samples.length
+        )
 
     @cached_property
     def entries(self) -> list[dict[int, Scalar]]:
         """For each closure row, its entry for each kept rate on its loop."""
         rows = [entries for loop in self._loops for entries in loop.entries()]
-        return rows + [
-            {int(k): float(row[k]) for k in np.flatnonzero(row)} for row in self._couplings()
-        ]
+        return rows + [self._coupling(name) for name in self._couplings]
 
     def bias(self, w: Sequence[Scalar]) -> list[Scalar]:
         """Second rate of every closure residual where the kept rates w do not change."""
         found = [value for loop in self._loops for value in loop.bias(w)]
-        return found + [0.0] * len(self._couplings())
+        return found + [0.0] * len(self._couplings)
 
-    def _couplings(self) -> list[Array]:
-        """Rows of couplings, whose factors are numbers or live parameters."""
+    @property
+    def _couplings(self) -> list[str]:
+        return list(self.closure.structure.flat.couplings)
+
+    def _coupling(self, name: str) -> dict[int, Scalar]:
+        """Row of a coupling: its factors are numbers or live parameters."""
         closure = self.closure
         index = {v.name: k for k, v in enumerate(closure.structure.variables)}
-        rows = []
-        for coupling in closure.structure.flat.couplings.values():
-            factors = {
-                name: scalar(factor, closure.values) for name, factor in coupling.terms.items()
-            }
-            row = sum(
-                (np.array([al.mul(factor, float(c)) for c in self.C[index[name]]], dtype=object))
-                for name, factor in factors.items()
-            )
-            rows.append(np.asarray(row, dtype=object))
-        return rows
+        row: dict[int, Scalar] = {}
+        for joint, factor in closure.structure.flat.couplings[name].terms.items():
+            form, value = self.C[index[joint]], scalar(factor, closure.values)
+            for k in np.flatnonzero(form).tolist():
+                row[k] = known(al.add(row.get(k, 0.0), al.mul(value, float(form[k]))))
+        return row
 
     def _evaluated(self, vectors: list[Vector]) -> Array:
         """Vectors at every sample, (samples, vectors, 3)."""
@@ -117,6 +118,8 @@ class _Loop:
     def _rows(self, closure: Closure, closing: Closing) -> list[Row]:
         a, b = _transform(self.symbols[:12]), _transform(self.symbols[12:])
         planar = closure.structure.mechanism.motion == "planar"
+        if planar:  # rows ask which axis is the normal, and what is out of plane does not move
+            a, b = _in_plane(a, self.a.way.rotation), _in_plane(b, self.b.way.rotation)
         if closing.kind == "joint":
             kind = TYPES[closing.type]
             rows = kind.planar_rows if planar else kind.rows
@@ -157,9 +160,8 @@ class _Loop:
         for wrench, pairs in ((force, terms.linear), (moment, terms.angular)):
             for form, vector in pairs:
                 power = al.dot(wrench, vector)
-                for k in np.flatnonzero(form):
-                    add = al.mul(float(form[k]), power)
-                    row[int(k)] = known(al.add(row.get(int(k), 0.0), add))
+                for k in np.flatnonzero(form).tolist():
+                    row[k] = known(al.add(row.get(k, 0.0), al.mul(float(form[k]), power)))
 
     def bias(self, w: Sequence[Scalar]) -> list[Scalar]:
         """Second rates of the rows where the kept rates w are constant."""
@@ -185,6 +187,12 @@ def _transform(x: SX) -> Transform:
     return ((s[3], s[4], s[5]), (s[6], s[7], s[8]), (s[9], s[10], s[11])), (s[0], s[1], s[2])
 
 
+def _in_plane(T: Transform, R: al.Matrix) -> Transform:
+    """T with the numbers that its axes have along the normal of the plane."""
+    normal = tuple(x if al.is_number(x) else s for x, s in zip(R[2], T[0][2], strict=True))
+    return (T[0][0], T[0][1], normal), T[1]
+
+
 def _rate(R: al.Matrix, state: State) -> SX:
     """(ṗ, Ṙ) with Ṙ = ω × R."""
     return _flat((_turned(state.angular, R), state.linear))
@@ -192,9 +200,7 @@ def _rate(R: al.Matrix, state: State) -> SX:
 
 def _bias(R: al.Matrix, state: State) -> SX:
     """(p̈, R̈) with R̈ = ω̇ × R + ω × (ω × R)."""
-    once, twice = _turned(state.angular_bias, R), _turned(
-        state.angular, _turned(state.angular, R)
-    )
+    once, twice = _turned(state.angular_bias, R), _turned(state.angular, _turned(state.angular, R))
     both = tuple(al.plus(a, b) for a, b in zip(once, twice, strict=True))
     return _flat((both, state.linear_bias))  # type: ignore[arg-type]
 

@@ -130,7 +130,7 @@ class Way:
     def _screws(self, index: int, edge: Edge, axes: al.Matrix, carried: int) -> list[Screw]:
         closure = self.closure
         q, H = closure.position(index), edge.type.position_rates(closure.position(index))
-        first = next(k for k, v in enumerate(closure.structure.variables) if v.edge == index)
+        first = sum(edge.type.freedoms for edge in closure.structure.edges[:index])
         screws = []
         for k, twist in enumerate(edge.type.twists(q, closure.dimensions(edge))):
             slopes = {}
@@ -149,7 +149,8 @@ class Motion:
     Args:
         way: the way.
         C: (variables, kept), exact where it is whole.
-        evaluate: numbers of vectors at closed samples, (samples, vectors, 3).
+        evaluate: numbers of vectors at closed samples, (samples, vectors, 3); None where these
+            are too few to tell what never changes.
         length: a length that small distances are compared to, m.
     """
 
@@ -157,11 +158,12 @@ class Motion:
         self,
         way: Way,
         C: Array,
-        evaluate: Callable[[list[Vector]], Array],
+        evaluate: Callable[[list[Vector]], Array] | None,
         length: float,
     ) -> None:
         self.way = way
         self.forms = [C[screw.variable] for screw in way.screws]
+        evaluate = evaluate or _Unlike()
         axes = evaluate([screw.angular for screw in way.screws])
         vectors = evaluate([segment.vector for segment in way.segments]) / length
         self._classify(axes)
@@ -304,7 +306,7 @@ class _Bundle:
 
 def combined(form: Array, w: Sequence[Scalar]) -> Scalar:
     """form · w."""
-    used = np.flatnonzero(form)
+    used = np.flatnonzero(form).tolist()
     return al.total([al.mul(float(form[k]), w[k]) for k in used])
 
 
@@ -331,6 +333,16 @@ def _slope(vector: Vector, q: Sequence[SX], rates: Sequence[Scalar]) -> Vector:
         ]
         slopes.append(known(al.total(terms)))
     return (slopes[0], slopes[1], slopes[2])
+
+
+class _Unlike:
+    """Made-up numbers, no two vectors alike, which tell nothing of the vectors."""
+
+    def __init__(self) -> None:
+        self._rng = np.random.default_rng(0)
+
+    def __call__(self, vectors: list[Vector]) -> Array:
+        return self._rng.normal(size=(1, len(vectors), 3))
 
 
 def _sum(vectors: Any) -> Vector:
