@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         ConfigurationError,
         DescriptionError,
         GoughError,
+        OutOfReach,
         UnknownName,
     )
     from gough.robot import Home, Robot, load
@@ -49,6 +50,7 @@ _ROOMS = {
         "ConfigurationError",
         "DescriptionError",
         "GoughError",
+        "OutOfReach",
         "UnknownName",
     ),
     "gough.robot": ("Home", "Robot", "load"),
@@ -69,6 +71,7 @@ __all__ = [
     "Joint",
     "Leg",
     "Mechanism",
+    "OutOfReach",
     "Parameter",
     "Robot",
     "UnknownName",

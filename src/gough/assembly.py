@@ -26,6 +26,8 @@ TOLERANCE = 1e-12
 """Largest residual of a closed loop: sines, and lengths over the characteristic length."""
 KEPT, GUESS = 1e-9, 0.1
 """Changes up to which a given value is kept, a guessed one near; rad, characteristic lengths."""
+WALKS, WALK = 6, 0.2
+"""Configurations from which it is told what a motion leaves constant, and how far they are."""
 RESTARTS = 6
 """Starts with perturbed passive joints that are tried when the described one does not close."""
 
@@ -270,6 +272,18 @@ class Assembler:
         return f"{block.name} (loop of {', '.join(block.joints)})"
 
     # elsewhere
+
+    def gaps(self, q: Array) -> Array:
+        """Largest scaled closure residual of configurations, sides included, (*batch,)."""
+        rows = self.row_scale * self.models.residual(q, self.p), self.models.sides(q, self.p)
+        largest = np.max(np.abs(np.concatenate(rows, axis=-1)), axis=-1, initial=0.0)
+        return np.where(np.isfinite(largest), largest, np.inf)
+
+    def walked(self, q: Array, seed: int = 0) -> Array:
+        """A configuration and others near it on the same motion, (rows, positions)."""
+        rng = np.random.default_rng(seed)
+        found = [self.wander(q, rng, WALK) for _ in range(WALKS)]
+        return np.array([q, *(other for other in found if other is not None)])
 
     def distance(self, q: Array, other: Array) -> float:
         """Largest change of a position between two configurations: rad, characteristic lengths."""

@@ -63,6 +63,16 @@ class ClosureError(GoughError, RuntimeError):
     """The loops of a mechanism do not close."""
 
 
+class OutOfReach(ClosureError):
+    """A pose, or actuated positions, that the mechanism can not take; batches name the row."""
+
+    def __init__(self, kind: str, count: int, rows: Sequence[int], reasons: Sequence[str]) -> None:
+        self.rows, self.reasons = tuple(rows), tuple(reasons)
+        place = f"{kind} {rows[0]} of {count}" if count > 1 else kind
+        others = f"; {len(rows) - 1} more have no solution either" if len(rows) > 1 else ""
+        super().__init__(f"{place} is out of reach: {reasons[0]}{others}")
+
+
 class ConfigurationError(GoughError, ValueError):
     """A configuration has the wrong shape, or holds values that are not finite."""
 

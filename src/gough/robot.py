@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gough import catalogue
 from gough.analysis.analysis import Analysis, analyse
@@ -18,10 +18,16 @@ from gough.analysis.elimination import VelocityMap, direct_map, inverse_map, pas
 from gough.analysis.ranks import Linearisation, linearise
 from gough.assembly import Assembler, Assembly
 from gough.description import Mechanism
-from gough.errors import ConfigurationError, DescriptionError, Problem
+from gough.errors import ConfigurationError, DescriptionError, OutOfReach, Problem
 from gough.formats.native import Source
 from gough.models import CLOSURE_MODELS, Models
 from gough.topology import Modelling, Role, Structure
+
+if TYPE_CHECKING:
+    from gough.geometry.assembly_modes import AssemblyModes, DirectProblem
+    from gough.geometry.direct import DirectGeometry
+    from gough.geometry.inverse import InverseGeometry, InverseSolution, WorkingModes
+    from gough.geometry.rates import Kinematics
 
 Array = NDArray[np.float64]
 
@@ -76,6 +82,7 @@ class Robot:
         self.mechanism = mechanism
         self.structure = Structure(mechanism, modelling)
         self._live = dict(live or {})
+        self._direct_problems: dict[str, DirectProblem] = {}
         self.origin: Origin | None = None
 
     @property
@@ -117,6 +124,118 @@ class Robot:
         if seed < 0:
             raise ConfigurationError(f"the seed is {seed}; it must be 0 or more")
         return analyse(self.assembler, self.home.assembly, seed)
+
+    # geometry
+
+    @cached_property
+    def _inverse(self) -> InverseGeometry:
+        from gough.geometry.inverse import InverseGeometry
+
+        return InverseGeometry(self.models, self.assembler, self.home.q)
+
+    def reach(self, x: ArrayLike, near: ArrayLike | None = None) -> InverseSolution:
+        """Configurations for operational coordinates, and which of them are reached.
+
+        Args:
+            x: operational coordinates, (*batch, n): a pose (x, y, z, then the quaternion w, x, y,
+                z) where all six freedoms of the platform are operational, rad and m.
+            near: a configuration whose working mode is kept, (positions,) or (*batch,
+                positions); home by default.
+
+        Raises:
+            ConfigurationError: an argument has the wrong shape, or there are no operational
+                coordinates.
+        """
+        return self._inverse.solve(x, near)
+
+    def inverse_geometry(self, x: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """Positions of all joints for operational coordinates, (*batch, positions).
+
+        As `reach`, for poses that all have to be reached.
+
+        Raises:
+            OutOfReach: a leg does not reach; the message says which, and how much is missing.
+        """
+        found = self.reach(x, near)
+        missed = np.flatnonzero(~found.reached.ravel())
+        if missed.size:
+            reasons = [found.reasons[k] for k in missed]
+            raise OutOfReach("pose", found.reached.size, missed.tolist(), reasons)
+        return found.q
+
+    def working_modes(self, x: ArrayLike, near: ArrayLike | None = None) -> WorkingModes:
+        """Every configuration for one pose, one for each choice of branches of its legs.
+
+        Raises:
+            ConfigurationError: a leg has no closed form.
+        """
+        return self._inverse.working_modes(x, near)
+
+    def _direct_problem(self, motion: str = "home") -> DirectProblem:
+        if motion not in self._direct_problems:
+            from gough.geometry.assembly_modes import DirectProblem
+
+            self._direct_problems[motion] = DirectProblem(
+                self.models, self.assembler, self.home.q, motion
+            )
+        return self._direct_problems[motion]
+
+    def assembly_modes(self, q_actuated: ArrayLike, motion: str = "home") -> AssemblyModes:
+        """Every solution of the direct problem, with what is known about the list.
+
+        Args:
+            q_actuated: positions of the actuated joints, (actuated,), rad and m.
+            motion: "home" for modes in which a platform that only translates has the orientation
+                it has at home, "any" for those in which it is turned too.
+
+        Raises:
+            ConfigurationError: the shape is wrong, the equations are no polynomials, or the
+                actuated joints leave a freedom.
+        """
+        return self._direct_problem(motion).modes(q_actuated)
+
+    @cached_property
+    def _direct(self) -> DirectGeometry:
+        from gough.geometry.direct import DirectGeometry
+
+        return DirectGeometry(self._direct_problem(), self._inverse)
+
+    def direct_geometry(self, q_actuated: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """Operational coordinates for actuated positions, on the assembly mode of others.
+
+        Args:
+            q_actuated: positions of the actuated joints, (*batch, actuated), rad and m.
+            near: operational coordinates near those wanted, (*batch, n); home's by default.
+
+        Raises:
+            OutOfReach: there is no solution near, or a singularity of type 2 lies between.
+            ConfigurationError: an argument has the wrong shape.
+        """
+        from gough.geometry.direct import ENDINGS
+
+        found = self._direct.solve(q_actuated, near)
+        missed = np.flatnonzero(~found.closed.ravel())
+        if missed.size:
+            reasons = [ENDINGS[found.ending.ravel()[k]].value for k in missed]
+            raise OutOfReach("row", found.closed.size, missed.tolist(), reasons)
+        return found.x
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """Velocity and acceleration models, conditioning, velocity factors."""
+        from gough.geometry.rates import Kinematics
+
+        return Kinematics(self.models, self.assembler, self.home.q)
+
+    def jacobian(self, x: ArrayLike, near: ArrayLike | None = None) -> Array:
+        """J with ẋ = J q̇_a at operational coordinates, (*batch, operational, actuated).
+
+        With all six freedoms of the platform ẋ is its twist (linear, angular) in base axes.
+
+        Raises:
+            OutOfReach: a leg does not reach.
+        """
+        return self.kinematics.jacobian(self.inverse_geometry(x, near))
 
     # programs
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gough.kernels import Kernel
-from gough.kernels.solves import ldlt_solve, lu_solve
+from gough.kernels.solves import ldlt_solve, lu_solve, lu_solve_with_determinant
 
 
 def kernel(solve, n, k):
@@ -48,6 +48,16 @@ def test_every_row_may_have_its_own_pivots():
     A = np.eye(4)[rng.permuted(np.tile(np.arange(4), (16, 1)), axis=1)]
     B = rng.normal(size=(16, 4, 1))
     np.testing.assert_array_equal(solved(lu_solve, A, B), np.linalg.solve(A, B))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_the_determinant_with_its_sign(n):
+    rng = np.random.default_rng(n)
+    A = rng.normal(size=(30, n, n))
+    symbols = casadi.SX.sym("A", n * n)
+    _, found = lu_solve_with_determinant(casadi.reshape(symbols, n, n).T, casadi.SX.ones(n, 1))
+    computed = Kernel("determinant", {"A": symbols}, found)(A.reshape(30, -1))
+    np.testing.assert_allclose(computed[:, 0, 0], np.linalg.det(A), rtol=1e-10)
 
 
 def test_a_singular_matrix_is_no_silent_number():

@@ -10,7 +10,7 @@ from itertools import product
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gough.algebra import Matrix
 from gough.assembly import Assembler
@@ -28,8 +28,6 @@ Mask = NDArray[np.bool_]
 
 CLOSED = 1e-9
 """Largest closure residual of a configuration that counts: sines, characteristic lengths."""
-WALKS, REACH = 6, 0.2
-"""Closed configurations near home from which it is told what a motion leaves constant."""
 PARTS = 8
 """Parts of the way that Newton steps follow to keep a mode; a guess."""
 MOST_MODES = 4096
@@ -53,7 +51,8 @@ class InverseSolution:
     """Configurations for a batch of operational coordinates."""
 
     q: Array
-    """Positions of all joints, (*batch, positions); of the nearest point where not reached."""
+    """Positions of all joints, (*batch, positions); where not reached, those nearest by a leg's
+    measure, or those of ``near``."""
     ending: NDArray[np.int8]
     """The place in `ENDINGS` of each row's, (*batch,)."""
     reasons: tuple[str, ...]
@@ -129,13 +128,6 @@ class InverseGeometry:
     # the problem
 
     @cached_property
-    def _walked(self) -> Array:
-        """Closed configurations on home's motion, (rows, positions)."""
-        rng = np.random.default_rng(0)
-        found = [self.assembler.wander(self.home, rng, REACH) for _ in range(WALKS)]
-        return np.array([self.home, *(q for q in found if q is not None)])
-
-    @cached_property
     def problem(self) -> Problem | None:
         """The problem with the platform known, or joints; None if the coordinates leave it open."""
         structure = self.models.structure
@@ -143,9 +135,11 @@ class InverseGeometry:
         if platform is None:
             known = [e.name for e in structure.edges if e.name in structure.mechanism.operational]
             return self._posed(known, None)
-        if not self.coordinates.fix_platform(self._walked):
+        if not self.coordinates.fix_platform(self.assembler.walked(self.home)):
             return None
-        return self._posed([platform], constant_turn(self.models, self.assembler, self._walked))
+        return self._posed(
+            [platform], constant_turn(self.models, self.assembler, self.assembler.walked(self.home))
+        )
 
     def _posed(self, known: Sequence[str], turn: Matrix | None) -> Problem | None:
         try:
@@ -226,7 +220,7 @@ class InverseGeometry:
     # solutions
 
     def solve(
-        self, x: Array, near: Array | None = None, threads: int | None = None
+        self, x: ArrayLike, near: ArrayLike | None = None, threads: int | None = None
     ) -> InverseSolution:
         """Configurations on the working mode of another.
 
@@ -237,7 +231,7 @@ class InverseGeometry:
             threads: see `numerics.batch_newton`.
         """
         near = self.home if near is None else np.asarray(near, dtype=float)
-        x = self._checked(x)
+        x = self.checked(x)
         rows = x.reshape(-1, x.shape[-1])
         starts = np.broadcast_to(near, (*x.shape[:-1], len(self.home))).reshape(len(rows), -1)
         if self.closed_form:
@@ -248,7 +242,8 @@ class InverseGeometry:
             q.reshape(*x.shape[:-1], -1), ending.reshape(x.shape[:-1]), tuple(reasons)
         )
 
-    def _checked(self, x: Array) -> Array:
+    def checked(self, x: ArrayLike) -> Array:
+        """Operational coordinates as an array, quaternions of length 1."""
         x = np.asarray(x, dtype=float)
         n = len(self.coordinates)
         if x.ndim == 0 or x.shape[-1] != n:
@@ -272,20 +267,12 @@ class InverseGeometry:
         signs = np.broadcast_to(signs, (len(x), signs.shape[-1])).astype(float)
         unknowns, parts = self._parted(self._kernel(start, self.assembler.p, signs))
         q = self.placing.configurations(start, unknowns, near)
+        q = np.where(np.all(np.isfinite(q), axis=1, keepdims=True), q, near)
         reachable = np.all(parts[..., 1] >= 0, axis=-1)
-        closed = self._gaps(q) <= CLOSED
+        closed = self.assembler.gaps(q) <= CLOSED
         ending = np.where(closed, 0, np.where(reachable, 2, 1)).astype(np.int8)
         reasons = ["" if ok else self._reason(p) for ok, p in zip(closed, parts, strict=True)]
         return q, ending, reasons
-
-    def _gaps(self, q: Array) -> Array:
-        """Largest scaled closure residual of each configuration, sides included."""
-        p, scale = self.assembler.p, self.assembler.row_scale
-        gaps = np.concatenate(
-            [scale * self.models.residual(q, p), self.models.sides(q, p)], axis=-1
-        )
-        largest = np.max(np.abs(gaps), axis=-1, initial=0.0)
-        return np.where(np.isfinite(largest), largest, np.inf)
 
     def _reason(self, parts: Array) -> str:
         """What keeps a pose from being reached."""
@@ -306,7 +293,7 @@ class InverseGeometry:
         self, x: Array, near: Array, threads: int | None
     ) -> tuple[Array, NDArray[np.int8], list[str]]:
         solution = self._closing.solve(near, x, steps=PARTS, threads=threads)
-        closed = (self._gaps(solution.x) <= CLOSED) & (solution.gap <= CLOSED)
+        closed = (self.assembler.gaps(solution.x) <= CLOSED) & (solution.gap <= CLOSED)
         ending = np.where(closed, 0, ENDINGS.index(Reached.open)).astype(np.int8)
         return solution.x, ending, ["" if ok else Reached.open.value for ok in closed]
 
@@ -314,7 +301,7 @@ class InverseGeometry:
     def _closing(self) -> Closing:
         return Closing(self.models, self.assembler, self.coordinates)
 
-    def working_modes(self, x: Array, near: Array | None = None) -> WorkingModes:
+    def working_modes(self, x: ArrayLike, near: ArrayLike | None = None) -> WorkingModes:
         """Every configuration for one pose, one for each choice of branches.
 
         Slides that take the length of a leg count with the sign they have at home, and spins and
@@ -333,7 +320,7 @@ class InverseGeometry:
                 "known here; inverse_geometry follows one working mode"
             )
         near = self.home if near is None else near
-        x = self._checked(x)
+        x = self.checked(x)
         if x.ndim != 1:
             raise ConfigurationError(f"x has shape {x.shape}, expected one pose")
         signs = self._choices()

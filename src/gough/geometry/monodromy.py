@@ -2,16 +2,18 @@
 
 The family is spanned by the coefficients that a mechanism has for various positions of its known
 joints, with a free right-hand side for each equation but those that angles, rotations and vectors
-fulfil by themselves. The points x that fulfil these are an irreducible variety V, and {(x, e): x in
-V, F(x) = e} is the graph of F over it, so it is irreducible too, and loops in the parameters join each solution with every other (Sommese and
-Wampler 2005, ch. 15; Duff and others 2019). Solutions are complete when loops find nothing new and
-the sum of the solutions moves linearly with the right-hand side (the trace test, Sommese, Verschelde
-and Wampler 2002); a failing trace says nothing where solutions run to infinity.
+fulfil by themselves. The points x that fulfil these are an irreducible variety V, and the points
+(x, e) with x in V and F(x) = e are the graph of F over it. So they are irreducible too, and loops
+in the parameters join each solution with every other (Sommese and Wampler 2005, ch. 15; Duff and
+others 2019). Solutions are complete when loops find nothing new and their sum moves linearly with
+the right-hand side (the trace test; Sommese, Verschelde and Wampler 2002); a trace that bends says
+nothing where solutions run to infinity.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,12 +123,14 @@ def _first(
 def _loop(family: Family, base: Complex, x: Complex, rng: np.random.Generator) -> Complex:
     """Where the solutions come back to along a triangle of members."""
     corners = [base, family.member(rng), family.member(rng), base]
-    for start, target in zip(corners, corners[1:], strict=False):
+    for start, target in pairwise(corners):
         x = _tracked(family, start, target, x)
     return sound(family, base, x)
 
 
-def _tracked(family: Family, start: Complex, target: Complex, x: Complex) -> Complex:
+def _tracked(
+    family: Family, start: Complex, target: Complex, x: NDArray[np.number]
+) -> Complex:
     """Ends of the paths that arrive."""
     paths = track(family.pattern, start, target, np.asarray(x, dtype=complex), light=1)
     return np.asarray(paths.x[paths.ended(PathEnding.arrived)])

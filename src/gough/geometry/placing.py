@@ -91,7 +91,8 @@ class Placing:
     @cached_property
     def _bundle(self) -> tuple[Kernel, dict[Any, tuple[int, tuple[int, ...]]]]:
         """One kernel for all of it, and where each part stands in its result."""
-        closure, layout = self.models.closure, {}
+        closure = self.models.closure
+        layout: dict[Any, tuple[int, tuple[int, ...]]] = {}
         left = casadi.SX.sym("unknowns", len(self.problem.left))
         signs = casadi.SX.sym("signs", len(self.natural.flips))
         self._values = self._symbols(left, signs)
@@ -287,7 +288,7 @@ class Placing:
             zip(bodies, np.moveaxis(self.models.poses(q, self.assembler.p), 1, 0), strict=True)
         )
         if base in found:
-            back = np.linalg.inv(found[base])
+            back = _inverse(found[base])
             found = {body: back @ T for body, T in found.items()}
         found[base] = np.broadcast_to(np.eye(4), (len(q), 4, 4))
         return found
@@ -318,7 +319,7 @@ class Placing:
             poses[body.partition("@")[0]] @ _homogeneous(transform(frame, self.assembler.values))
             for body, frame in zip(joint.bodies, joint.frames, strict=True)
         ]
-        return np.asarray(np.linalg.solve(frames[0], frames[1]))
+        return np.asarray(_inverse(frames[0]) @ frames[1])
 
 
 def _near(edge: Edge, q: Array, near: Array) -> Array:
@@ -379,6 +380,12 @@ def _shortest(a: Array, b: Array) -> Array:
     K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     K = K - _transposed(K)
     return np.asarray(np.eye(3) + K + K @ K / np.maximum(1 + c, 1e-300))
+
+
+def _inverse(T: Array) -> Array:
+    """T_b_a from T_a_b, (..., 4, 4)."""
+    R = _transposed(T[..., :3, :3])
+    return _stacked(R, -_applied(R, T[..., :3, 3]))
 
 
 def _homogeneous(T: al.Transform) -> Array:

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Whole = NDArray[np.int64]
 
+DATA = 1e-14
+"""Relative error of coefficients that stands for the rounding of parameters and of constants."""
 RANK = 1e-7
 """Relative size below which a pivot is zero; the lengths here are about one."""
 
@@ -75,7 +77,8 @@ class QuadraticClosure:
                 sizes.append(float(self.problem.probe([unknown.size])[0, 0]))
             else:
                 sizes.append(1.0 if unknown.kind == "angle" else self.problem.assembler.length)
-        return np.array(sizes)
+        # powers of two, so that scaling rounds nothing
+        return np.asarray(2.0 ** np.round(np.log2(sizes)))
 
     # numbers
 
@@ -89,6 +92,38 @@ class QuadraticClosure:
             full[rows, left, right] = values * self.size[left] * self.size[right]
         return full
 
+    def tables(self, q: Array) -> Array:
+        """Equations in SI units as matrices, (equations, 1 + left, 1 + left), upper triangles."""
+        return self._full(q) / (self.size[:, None] * self.size)
+
+    def proof(self, q: Array) -> tuple[Quadratics, Array, Array]:
+        """The system to prove solutions of: linear equations too, in all the unknowns left.
+
+        Returns:
+            Its pattern, its coefficients, and how far the true ones may be from them: bounds of
+            the rounding, by interval arithmetic, and `DATA` of the largest of each equation for
+            the rounding of what is given.
+        """
+        rows = np.concatenate([self.linear, self.square]).astype(np.int64)
+        order = np.argsort(rows)
+        place = np.full(len(self.natural.conditions), -1)
+        place[rows[order]] = np.arange(len(rows))
+        terms, left, right = self._indices
+        used = np.flatnonzero(place[terms] >= 0)
+        scale = self.size[left] * self.size[right] / self.row_size[terms]
+        low, high = np.moveaxis(self._bounds(q), -1, 0)
+        c = (0.5 * (low + high) * scale)[used]
+        pattern = Quadratics(len(self.size), place[terms[used]], left[used], right[used])
+        largest = np.zeros(len(rows))
+        np.maximum.at(largest, pattern.rows, np.abs(c))
+        errors = (0.5 * (high - low) * scale)[used] * (1 + 1e-12) + DATA * largest[pattern.rows]
+        return pattern, c, errors
+
+    def _bounds(self, q: Array) -> Array:
+        """Lower and upper bound of each coefficient, (terms, 2)."""
+        exact = [np.repeat(values, 2) for values in (q, self.problem.assembler.p)]
+        return self._coefficients.intervals(*exact)
+
     @cached_property
     def _indices(self) -> tuple[Whole, Whole, Whole]:
         rows, left, right = np.array([term[:3] for term in self._terms], dtype=np.int64).T
@@ -97,7 +132,7 @@ class QuadraticClosure:
     def _choose(self) -> None:
         """Choose pivots of the linear equations, and equations that determine the unknowns."""
         full = self._full(self.problem.states[1])
-        self.row_size = np.abs(full).max(axis=(1, 2))
+        self.row_size = 2.0 ** np.round(np.log2(np.abs(full).max(axis=(1, 2))))
         linear = np.array([c.polynomial.degree == 1 for c in self.natural.conditions], dtype=bool)
         rows = np.flatnonzero(linear)
         L = full[rows][:, 0, :] / self.row_size[rows, None]

@@ -61,11 +61,17 @@ def lu_solve(A: SX, B: SX) -> SX:
     Raises:
         ValueError: the shapes do not fit.
     """
+    return lu_solve_with_determinant(A, B)[0]
+
+
+def lu_solve_with_determinant(A: SX, B: SX) -> tuple[SX, SX]:
+    """The same, and the determinant of A: the product of the pivots, with the sign of the order."""
     n = _size(A, B)
     rows = [[A[i, j] for j in range(n)] + right for i, right in enumerate(_rows(B))]
     inverse: list[SX] = []
+    determinant = SX(1.0)
     for k in range(n):
-        _largest_up(rows, k)
+        determinant = determinant * _largest_up(rows, k) * rows[k][k]
         inverse.append(1.0 / rows[k][k])
         for i in range(k + 1, n):
             factor = rows[i][k] * inverse[k]
@@ -75,16 +81,19 @@ def lu_solve(A: SX, B: SX) -> SX:
         for j in range(k + 1, n):
             right = [x - rows[k][j] * y for x, y in zip(right, rows[j][n:], strict=True)]
         rows[k][n:] = [x * inverse[k] for x in right]
-    return _matrix([row[n:] for row in rows], B)
+    return _matrix([row[n:] for row in rows], B), determinant
 
 
-def _largest_up(rows: list[list[SX]], k: int) -> None:
-    """Exchange rows so that none below row k has a larger entry in column k."""
+def _largest_up(rows: list[list[SX]], k: int) -> SX:
+    """Exchange rows so that none below row k has a larger entry in column k; 1 or -1 by parity."""
+    parity = SX(1.0)
     for i in range(k + 1, len(rows)):
         larger = casadi.fabs(rows[i][k]) > casadi.fabs(rows[k][k])
+        parity = casadi.if_else(larger, -parity, parity)
         pairs = _pairs(rows[k], rows[i], k)
         rows[k][k:] = [casadi.if_else(larger, y, x) for x, y in pairs]
         rows[i][k:] = [casadi.if_else(larger, x, y) for x, y in pairs]
+    return parity
 
 
 def _pairs(a: list[SX], b: list[SX], start: int) -> list[tuple[SX, SX]]:

@@ -1,9 +1,10 @@
-"""Sixteen float64 numbers at a time in loops compiled by numba.
+"""Sixteen or eight float64 numbers at a time in loops compiled by numba.
 
 A value of this type is one vector in LLVM, so that a loop over systems of equations is written
-once, for one system, and solves sixteen. Sixteen and not the eight of the widest registers: with
-two chains of operations at once, one works while the other waits for its last result. Every
-operation rounds as IEEE 754 says: a lane's result depends on nothing in the other lanes.
+once, for one system, and solves as many as there are lanes. Sixteen is twice the widest registers:
+with two chains of operations at once, one works while the other waits for its last result. Eight
+is for loops that have enough chains of their own. Every operation rounds as IEEE 754 says: a lane's
+result depends on nothing in the other lanes.
 """
 
 from __future__ import annotations
@@ -17,115 +18,133 @@ from numba.core import types
 from numba.extending import intrinsic, models, overload, register_model
 
 LANES = 16
-VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+EIGHT = 8
 Lowering = tuple[Any, Callable[..., Any]]
 
 
 class LanesType(types.Type):
-    """numba's name of sixteen numbers."""
+    """numba's name of that many numbers."""
 
-    def __init__(self) -> None:
-        super().__init__(name="gough.lanes")
+    def __init__(self, width: int) -> None:
+        super().__init__(name=f"gough.lanes{width}")
+        self.width = width
 
 
-LANES_TYPE = LanesType()
+LANES_TYPE = LanesType(LANES)
+EIGHT_TYPE = LanesType(EIGHT)
+
+
+def _vector(kind: LanesType) -> Any:
+    return ir.VectorType(ir.DoubleType(), kind.width)
 
 
 @register_model(LanesType)
 class _Model(models.PrimitiveModel):
     def __init__(self, manager: Any, kind: Any) -> None:
-        super().__init__(manager, kind, VECTOR)  # type: ignore[no-untyped-call]
+        super().__init__(manager, kind, _vector(kind))  # type: ignore[no-untyped-call]
 
 
 # memory
 
 
-def _load(context: Any, pointer: Any, index: Any) -> Lowering:
-    """Sixteen neighbours from an index on."""
+def _load(kind: LanesType) -> Any:
+    """Neighbours from an index on."""
 
-    def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
-        first = builder.gep(given[0], [given[1]])
-        return builder.load(builder.bitcast(first, VECTOR.as_pointer()), align=8)
+    def typed(context: Any, pointer: Any, index: Any) -> Lowering:
+        def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+            first = builder.gep(given[0], [given[1]])
+            return builder.load(builder.bitcast(first, _vector(kind).as_pointer()), align=8)
 
-    return LANES_TYPE(pointer, types.int64), generate
+        return kind(pointer, types.int64), generate
+
+    return intrinsic(typed)
 
 
 def _store(context: Any, pointer: Any, index: Any, value: Any) -> Lowering:
-    """Write sixteen neighbours from an index on."""
+    """Write neighbours from an index on."""
 
     def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
         first = builder.gep(given[0], [given[1]])
-        builder.store(given[2], builder.bitcast(first, VECTOR.as_pointer()), align=8)
+        builder.store(given[2], builder.bitcast(first, _vector(value).as_pointer()), align=8)
         return target.get_dummy_value()
 
-    return types.void(pointer, types.int64, LANES_TYPE), generate
+    return types.void(pointer, types.int64, value), generate
 
 
-def _gather(context: Any, pointer: Any, index: Any, step: Any) -> Lowering:
-    """Sixteen numbers that stand ``step`` numbers apart."""
+def _gather(kind: LanesType) -> Any:
+    """Numbers that stand ``step`` numbers apart."""
 
-    def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
-        at, value = builder.gep(given[0], [given[1]]), ir.Constant(VECTOR, ir.Undefined)
-        for lane in range(LANES):
-            value = builder.insert_element(value, builder.load(at), ir.IntType(32)(lane))
-            at = builder.gep(at, [given[2]])
-        return value
+    def typed(context: Any, pointer: Any, index: Any, step: Any) -> Lowering:
+        def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+            at = builder.gep(given[0], [given[1]])
+            value = ir.Constant(_vector(kind), ir.Undefined)
+            for lane in range(kind.width):
+                value = builder.insert_element(value, builder.load(at), ir.IntType(32)(lane))
+                at = builder.gep(at, [given[2]])
+            return value
 
-    return LANES_TYPE(pointer, types.int64, types.int64), generate
+        return kind(pointer, types.int64, types.int64), generate
+
+    return intrinsic(typed)
 
 
 def _scatter(context: Any, pointer: Any, index: Any, step: Any, value: Any) -> Lowering:
-    """Write sixteen numbers ``step`` numbers apart."""
+    """Write numbers ``step`` numbers apart."""
 
     def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
         at = builder.gep(given[0], [given[1]])
-        for lane in range(LANES):
+        for lane in range(value.width):
             builder.store(builder.extract_element(given[3], ir.IntType(32)(lane)), at)
             at = builder.gep(at, [given[2]])
         return target.get_dummy_value()
 
-    return types.void(pointer, types.int64, types.int64, LANES_TYPE), generate
+    return types.void(pointer, types.int64, types.int64, value), generate
 
 
-def _splat(context: Any, number: Any) -> Lowering:
+def _splat(kind: LanesType) -> Any:
     """One number in every lane."""
 
-    def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
-        one = builder.insert_element(ir.Constant(VECTOR, ir.Undefined), given[0], ir.IntType(32)(0))
-        zeros = ir.Constant(ir.VectorType(ir.IntType(32), LANES), None)
-        return builder.shuffle_vector(one, ir.Constant(VECTOR, ir.Undefined), zeros)
+    def typed(context: Any, number: Any) -> Lowering:
+        def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+            nothing = ir.Constant(_vector(kind), ir.Undefined)
+            one = builder.insert_element(nothing, given[0], ir.IntType(32)(0))
+            zeros = ir.Constant(ir.VectorType(ir.IntType(32), kind.width), None)
+            return builder.shuffle_vector(one, nothing, zeros)
 
-    return LANES_TYPE(types.float64), generate
+        return kind(types.float64), generate
+
+    return intrinsic(typed)
 
 
-load: Any = intrinsic(_load)
+load, gather, splat = _load(LANES_TYPE), _gather(LANES_TYPE), _splat(LANES_TYPE)
+load_eight, splat_eight = _load(EIGHT_TYPE), _splat(EIGHT_TYPE)
 store: Any = intrinsic(_store)
-gather: Any = intrinsic(_gather)
 scatter: Any = intrinsic(_scatter)
-splat: Any = intrinsic(_splat)
 
 
 # arithmetic
 
 
 def _operation(count: int, instruction: Callable[..., Any]) -> Any:
-    """An intrinsic of lanes made from a method of LLVM's builder."""
+    """An intrinsic of lanes of one width made from a method of LLVM's builder."""
 
     def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
         return instruction(builder, *given)
 
-    signature = LANES_TYPE(*[LANES_TYPE] * count)
     if count == 1:
-        return intrinsic(lambda context, a: (signature, generate))
+        return intrinsic(lambda context, a: (a(a), generate))
     if count == 2:
-        return intrinsic(lambda context, a, b: (signature, generate))
-    return intrinsic(lambda context, a, b, c: (signature, generate))
+        return intrinsic(lambda context, a, b: (a(a, b), generate))
+    if count == 3:
+        return intrinsic(lambda context, a, b, c: (a(a, b, c), generate))
+    return intrinsic(lambda context, a, b, c, d: (a(a, b, c, d), generate))
 
 
 def _called(name: str) -> Callable[..., Any]:
     def instruction(builder: Any, *given: Any) -> Any:
-        kind = ir.FunctionType(VECTOR, [VECTOR] * len(given))
-        full = f"llvm.{name}.v{LANES}f64"
+        vector = given[0].type
+        kind = ir.FunctionType(vector, [vector] * len(given))
+        full = f"llvm.{name}.v{vector.count}f64"
         function = builder.module.globals.get(full) or ir.Function(builder.module, kind, full)
         return builder.call(function, given)
 
@@ -140,6 +159,13 @@ def _larger(builder: Any, a: Any, b: Any) -> Any:
     return builder.select(builder.fcmp_ordered(">", b, a), b, a)
 
 
+def _where(relation: str) -> Callable[..., Any]:
+    def instruction(builder: Any, a: Any, b: Any, then: Any, other: Any) -> Any:
+        return builder.select(builder.fcmp_ordered(relation, a, b), then, other)
+
+    return instruction
+
+
 _OPERATORS = {
     operator.add: _operation(2, lambda builder, a, b: builder.fadd(a, b)),
     operator.sub: _operation(2, lambda builder, a, b: builder.fsub(a, b)),
@@ -149,9 +175,9 @@ _OPERATORS = {
 
 
 def _overload(symbol: Any, operation: Any) -> None:
-    lanes = (LANES_TYPE, LANES_TYPE)
     implementation = lambda a, b: operation(a, b)  # noqa: E731
-    overload(symbol)(lambda a, b: implementation if (a, b) == lanes else None)
+    lanes = lambda a, b: a == b and isinstance(a, LanesType)  # noqa: E731
+    overload(symbol)(lambda a, b: implementation if lanes(a, b) else None)
 
 
 for _symbol, _chosen in _OPERATORS.items():
@@ -167,3 +193,7 @@ larger: Any = _operation(2, _larger)
 """b where it is more than a, else a."""
 smaller: Any = _operation(2, _smaller)
 """b where it is less than a, else a."""
+where_equal: Any = _operation(4, _where("=="))
+"""c where a is b, else d."""
+where_more: Any = _operation(4, _where(">"))
+"""c where a is more than b, else d."""

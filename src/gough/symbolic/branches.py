@@ -181,7 +181,7 @@ class Branches:
             if other is circle or len(three) != 3 or len({c.source for c in three}) > 1:
                 continue
             u, v = (tuple(c.polynomial.coefficient(k) for c in three) for k in pair)
-            normal = al.cross(u, v)  # type: ignore[arg-type]
+            normal = al.cross(u, v)
             terms = [c.polynomial.scaled(x) for c, x in zip(three, normal, strict=True)]
             kept = {
                 key: value for key, value in total(terms).terms.items() if not set(key) & set(pair)
