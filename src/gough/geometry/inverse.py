@@ -267,10 +267,10 @@ class InverseGeometry:
         signs = np.broadcast_to(signs, (len(x), signs.shape[-1])).astype(float)
         unknowns, parts = self._parted(self._kernel(start, self.assembler.p, signs))
         q = self.placing.configurations(start, unknowns, near)
-        q = np.where(np.all(np.isfinite(q), axis=1, keepdims=True), q, near)
         reachable = np.all(parts[..., 1] >= 0, axis=-1)
         closed = self.assembler.gaps(q) <= CLOSED
         ending = np.where(closed, 0, np.where(reachable, 2, 1)).astype(np.int8)
+        q = np.where(np.all(np.isfinite(q), axis=1, keepdims=True), q, near)
         reasons = ["" if ok else self._reason(p) for ok, p in zip(closed, parts, strict=True)]
         return q, ending, reasons
 
@@ -281,13 +281,19 @@ class InverseGeometry:
         for branch, (_, margin, short, long) in zip(self.branches.branches, parts, strict=True):
             if margin >= 0:
                 continue
+            leg = self._leg(branch.source)
             if branch.short is None:
-                texts.append(f"{branch.source} does not reach the pose")
+                texts.append(f"{leg} does not reach the pose")
             elif short > 0:
-                texts.append(f"{branch.source} is {_length(short)} too short")
+                texts.append(f"{leg} is {_length(short)} too short")
             else:
-                texts.append(f"{branch.source} is {_length(long)} too long")
+                texts.append(f"{leg} is {_length(long)} too long")
         return "; ".join(texts) or Reached.impossible.value
+
+    def _leg(self, part: str) -> str:
+        """The leg that a body or a joint belongs to, else the part itself."""
+        legs = self.models.structure.legs
+        return next((leg.name for leg in legs if part in leg.bodies + leg.joints), part)
 
     def _by_steps(
         self, x: Array, near: Array, threads: int | None
@@ -329,7 +335,7 @@ class InverseGeometry:
         kept = ending == 0
         actuated = Coordinates(self.models, "actuated")
         short = () if kept.any() else tuple(sorted(set(reasons)))
-        labels = tuple(branch.source for branch in self.branches.branches)
+        labels = tuple(self._leg(branch.source) for branch in self.branches.branches)
         return WorkingModes(
             self.models.structure.mechanism.name, q[kept], actuated.of(q[kept]),
             signs[kept].astype(np.int8), labels, short,

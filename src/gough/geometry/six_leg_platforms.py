@@ -132,8 +132,8 @@ class PlatformModes:
     completeness: Completeness
     complex_count: int
     """Distinct finite complex solutions found, multiple ones once."""
-    expected: tuple[int, ...]
-    """Complex solutions that platforms of this class have, and one that it nearly is, if known."""
+    counts: Callable[[], tuple[int, ...]]
+    """Gives what `expected` says."""
     outcomes: NDArray[np.int8]
     """The place in `OUTCOMES` of each path's, (paths,)."""
     paths: Paths
@@ -142,6 +142,11 @@ class PlatformModes:
     solution: NDArray[np.intp]
     """The row of `certificates` that a pose is from, (k,); -1 for multiple ones."""
     frames: Frames
+
+    @property
+    def expected(self) -> tuple[int, ...]:
+        """Numbers of complex solutions of platforms of this class; see `SixLegPlatform`."""
+        return self.counts()
 
     @property
     def infinite(self) -> int:
@@ -202,8 +207,8 @@ class Section:
     """How far the true ones may be from them, (164,)."""
     exact: Callable[[], Sequence[Fraction]] | None
     """Gives the true ones, if they are known."""
-    expected: tuple[int, ...]
-    """Numbers of solutions that make a list complete, as far as known."""
+    counts: Callable[[], tuple[int, ...]]
+    """Gives the numbers of solutions that are to be expected, as far as known."""
     frames: Frames
 
 
@@ -330,7 +335,7 @@ class SixConditions:
             np.asarray(entries(_without_y(rows, rows, -1))),
             bounds,
             exact if self._exact else None,
-            (),
+            tuple,
             frames,
         )
         start = generic_start()
@@ -402,7 +407,12 @@ class _Legs:
         self.proof = np.asarray(entries(_differences(self.rows)))
         self.errors = SLACK * entry_sizes(np.concatenate([sizes[:1], sizes[1:] + sizes[0]])) + TINY
         self.margin = rank_margin(self.rows)
-        self.expected = expected_counts(a, b)
+        self._points = a, b
+
+    @cached_property
+    def expected(self) -> tuple[int, ...]:
+        """What `expected_counts` says."""
+        return expected_counts(*self._points)
 
     @cached_property
     def mixture(self) -> tuple[Array, Array]:
@@ -438,7 +448,7 @@ class _Legs:
         size[1:] += squares[0]
         c[SQUARES] += change[:, None]
         errors[SQUARES] += (SLACK * size)[:, None]
-        return Section(c, errors, lambda: self._exact(lengths), self.expected, self.frames)
+        return Section(c, errors, lambda: self._exact(lengths), lambda: self.expected, self.frames)
 
     def _exact(self, lengths: Array) -> list[Fraction]:
         """Coefficients of the proof without rounding, (164,)."""
@@ -592,7 +602,7 @@ class _Ends:
     def _look_closer(self, arrived: Mask, x: Complex) -> None:
         """Try again what is not proved, in ball arithmetic, and sort out the rest."""
         section, found = self.section, self.certificates
-        finite = (self.share >= INFINITE) | (DEGREE in section.expected)
+        finite = (self.share >= INFINITE) | (DEGREE in section.counts())
         again = np.flatnonzero(~found.proved & finite & arrived[self.tried])
         lone = np.flatnonzero(found.lone)
         if len(again) or len(lone):
@@ -643,7 +653,7 @@ class _Ends:
             certified[order],
             self._completeness(),
             count,
-            section.expected,
+            section.counts,
             self.outcomes(),
             self.paths,
             found,
@@ -655,7 +665,7 @@ class _Ends:
         """Whether the list is complete, by proof or by number."""
         if self.complete:
             return Completeness.certified
-        same = int(self.distinct.sum()) in self.section.expected
+        same = int(self.distinct.sum()) in self.section.counts()
         whole = not (len(self.multiples) or len(self.unproved) or len(self.certificates.clashes))
         return Completeness.expected if same and whole else Completeness.found
 
@@ -740,7 +750,7 @@ def _nowhere(frames: Frames) -> PlatformModes:
         np.empty(0, np.bool_),
         Completeness.dependent,
         0,
-        (),
+        tuple,
         np.empty(0, np.int8),
         Paths(nothing, zero, np.empty(0, np.int8), whole, whole, zero),
         Certificates(nothing, zero, zero, np.empty(0, np.int8)),

@@ -480,18 +480,18 @@ def eliminate(
     u, v = nought(), nought()
     for i in range(n):
         row = splat_eight(number[i])
-        u = where_same(chosen, row, fetch(M, j * (n + 1) + i), u)
-        v = where_same(chosen, row, fetch(M, second * (n + 1) + i), v)
+        u = plus(u, where_same(chosen, row, fetch(M, j * n + i), nought()))
+        v = plus(v, where_same(chosen, row, fetch(M, second * n + i), nought()))
     u, v = product(u, reciprocal), product(v, reciprocal)
-    upper, beside = fetch(M, j * (n + 1) + k), fetch(M, second * (n + 1) + k)
+    upper, beside = fetch(M, j * n + k), fetch(M, second * n + k)
     for i in range(n):
         row, factor = splat_eight(number[i]), fetch(factors, i)
-        own = where_same(chosen, row, upper, fetch(M, j * (n + 1) + i))
-        other = where_same(chosen, row, beside, fetch(M, second * (n + 1) + i))
-        put(M, j * (n + 1) + i, minus_product(own, factor, u))
-        put(M, second * (n + 1) + i, minus_product(other, factor, v))
-    put(M, j * (n + 1) + k, u)
-    put(M, second * (n + 1) + k, v)
+        own = where_same(chosen, row, upper, fetch(M, j * n + i))
+        other = where_same(chosen, row, beside, fetch(M, second * n + i))
+        put(M, j * n + i, minus_product(own, factor, u))
+        put(M, second * n + i, minus_product(other, factor, v))
+    put(M, j * n + k, u)
+    put(M, second * n + k, v)
 
 
 @called
