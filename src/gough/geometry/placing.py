@@ -22,7 +22,7 @@ from gough.geometry.problem import Problem
 from gough.joints import TYPES
 from gough.kernels import Kernel
 from gough.symbolic import polynomials as po
-from gough.symbolic.natural import Family, Link
+from gough.symbolic.natural.parts import Family, Link
 from gough.topology import Edge
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gough.geometry.problem import Problem
 from gough.geometry.quadratic_closure import QuadraticClosure
-from gough.symbolic.natural import Family
+from gough.symbolic.natural.parts import Family
 
 Array = NDArray[np.float64]
 

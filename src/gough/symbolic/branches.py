@@ -19,7 +19,8 @@ from dataclasses import dataclass
 
 from gough import algebra as al
 from gough.algebra import Scalar
-from gough.symbolic.natural import Condition, NaturalClosure
+from gough.symbolic.natural import NaturalClosure
+from gough.symbolic.natural.parts import Condition
 from gough.symbolic.polynomials import Polynomial, total
 
 
@@ -193,7 +194,7 @@ class Branches:
     def _crossing(self, lines: list[Condition]) -> Condition | None:
         """A line that crosses the first at every probed state."""
         for second in lines[1:]:
-            if not self.natural.zero(self._determinant(lines[0], second)):
+            if not self.natural.probing.zero(self._determinant(lines[0], second)):
                 return second
         return None
 

@@ -1,0 +1,158 @@
+"""Equations of natural coordinates made fewer: what is linear solved, what repeats left out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from gough import algebra as al
+from gough.symbolic.natural.parts import ORDER, ZERO, Condition, Family, Probing, Unknown
+from gough.symbolic.polynomials import Polynomial
+
+
+class Elimination:
+    """Solves and tidies conditions.
+
+    Attributes:
+        solved: the unknowns that linear equations gave, in terms of those left.
+        conditions: the equations left.
+        checks: equations without unknowns left: conditions on what is known.
+        flips: classes whose angle only one homogeneous equation asks for, with that equation.
+    """
+
+    def __init__(
+        self,
+        conditions: Sequence[Condition],
+        unknowns: Sequence[Unknown],
+        families: Sequence[Family],
+        probing: Probing,
+    ) -> None:
+        self.conditions, self.unknowns = list(conditions), unknowns
+        self.families, self.probing = families, probing
+        self.solved: dict[int, Polynomial] = {}
+        self.checks: list[Condition] = []
+        self.flips: list[tuple[Family, Condition]] = []
+        self._eliminate()
+
+    def _eliminate(self) -> None:
+        """Solve linear equations whose pivot is a number, the platform's unknowns last."""
+        rank = {k: ORDER.index(u.kind) for k, u in enumerate(self.unknowns)}
+        while True:
+            choice = self._pivot(rank)
+            if choice is None:
+                break
+            condition, index = choice
+            pivot = condition.polynomial.coefficient(index)
+            rest = condition.polynomial - Polynomial({(index,): pivot})
+            value = {index: rest.scaled(-1.0 / pivot)}
+            self.conditions.remove(condition)
+            self.conditions = [
+                replace(c, polynomial=c.polynomial.substituted(value)) for c in self.conditions
+            ]
+            self.solved = {k: p.substituted(value) for k, p in self.solved.items()} | value
+            self._tidy()
+        self._tidy()
+        for shape in [c for c in self.conditions if self.keeps_shape(c)]:
+            self._reduce(shape)
+        self._tidy()
+        self._drop_repeats()
+        self._drop_flips()
+
+    def _reduce(self, shape: Condition) -> None:
+        """Take squares and products that the shape of a class knows out of other equations."""
+        plain = {k: x for k, x in shape.polynomial.terms.items() if len(k) == 2 and al.is_number(x)}
+        if not plain:
+            return
+        lead, value = next(iter(plain.items()))
+        reduced = {
+            n: condition.polynomial - shape.polynomial.scaled(x / value)
+            for n, condition in enumerate(self.conditions)
+            if condition is not shape and (x := condition.polynomial.terms.get(lead)) is not None
+        }
+        for n, polynomial in self._without_zeros(reduced).items():
+            before = self.conditions[n]
+            if len(polynomial.terms) < len(before.polynomial.terms):
+                self.conditions[n] = replace(before, polynomial=polynomial)
+
+    def _without_zeros(self, polynomials: Mapping[int, Polynomial]) -> dict[int, Polynomial]:
+        """Polynomials without the coefficients that are zero at every probed state."""
+        scalars = [x for polynomial in polynomials.values() for x in polynomial.terms.values()]
+        if not scalars:
+            return dict(polynomials)
+        sizes = iter(np.max(np.abs(self.probing.probe(scalars)), axis=0))
+        return {
+            n: Polynomial({key: x for key, x in polynomial.terms.items() if next(sizes) > ZERO})
+            for n, polynomial in polynomials.items()
+        }
+
+    def _drop_repeats(self) -> None:
+        """Leave out equations that are a multiple of an earlier one at every probed state."""
+        kept: list[Condition] = []
+        for condition in self.conditions:
+            same = [
+                c for c in kept if c.polynomial.terms.keys() == condition.polynomial.terms.keys()
+            ]
+            if not any(self._proportional(c.polynomial, condition.polynomial) for c in same):
+                kept.append(condition)
+        self.conditions = kept
+
+    def _proportional(self, a: Polynomial, b: Polynomial) -> bool:
+        found = self.probing.probe([p.terms[key] for p in (a, b) for key in a.terms])
+        for first, second in found.reshape(len(found), 2, -1):
+            k = int(np.argmax(np.abs(first)))
+            if (
+                np.max(np.abs(second - first * (second[k] / first[k])))
+                > 1e-11 * np.abs(second).max()
+            ):
+                return False
+        return True
+
+    def _drop_flips(self) -> None:
+        """Leave out an angle that only one homogeneous equation a c + b s = 0 asks for.
+
+        It has two solutions half a turn apart, whatever the rest is, and moves nothing else.
+        """
+        for family in self.families:
+            if family.pair is None or not set(family.pair) <= self._left():
+                continue
+            pair = set(family.pair)
+            asking = [c for c in self.conditions if pair & c.polynomial.unknowns]
+            own = [c for c in asking if c.polynomial.unknowns == pair and c.kind == "shape"]
+            others = [c for c in asking if c not in own]
+            if (
+                len(others) == 1
+                and len(own) == 1
+                and all(len(pair & set(key)) == 1 for key in others[0].polynomial.terms)
+            ):
+                self.conditions = [c for c in self.conditions if c not in asking]
+                self.flips.append((family, others[0]))
+
+    def keeps_shape(self, condition: Condition) -> bool:
+        """Whether an equation only says what the vectors of one class are by themselves."""
+        owners = {self.unknowns[u].owner for u in condition.polynomial.unknowns}
+        return condition.kind == "shape" and owners == {condition.source}
+
+    def _left(self) -> set[int]:
+        return {u for c in self.conditions for u in c.polynomial.unknowns}
+
+    def _pivot(self, rank: Mapping[int, int]) -> tuple[Condition, int] | None:
+        best: tuple[tuple[int, float], Condition, int] | None = None
+        for condition in self.conditions:
+            if condition.polynomial.degree != 1:
+                continue
+            for index in condition.polynomial.unknowns:
+                value = condition.polynomial.coefficient(index)
+                if al.is_number(value) and abs(value) > 1e-6:
+                    key = (rank[index], -abs(value))
+                    if best is None or key < best[0]:
+                        best = (key, condition, index)
+        return None if best is None else (best[1], best[2])
+
+    def _tidy(self) -> None:
+        """Drop coefficients that are zero at every probed state, and equations that say nothing."""
+        found = self._without_zeros({n: c.polynomial for n, c in enumerate(self.conditions)})
+        tidy = [replace(c, polynomial=found[n]) for n, c in enumerate(self.conditions)]
+        self.conditions = [c for c in tidy if c.polynomial.degree > 0]
+        self.checks += [c for c in tidy if c.polynomial.degree == 0 and c.polynomial.terms]
