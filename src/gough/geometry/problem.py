@@ -85,7 +85,14 @@ class Problem:
             pose = (R if self.turn is None else self.turn, p)
         turn = self.turn if pose is None else None
         return NaturalClosure(
-            structure, closure.values, closure.nominal, positions, self.probe, pose, turn
+            structure,
+            closure.values,
+            closure.nominal,
+            positions,
+            self.probe,
+            self.assembler.length,
+            pose,
+            turn,
         )
 
     @cached_property

@@ -70,13 +70,7 @@ class QuadraticClosure:
 
     def _sizes(self) -> Array:
         """What each homogeneous unknown is a multiple of, (1 + left,)."""
-        sizes = [1.0]
-        for u in self.left:
-            unknown = self.natural.unknowns[u]
-            if unknown.size is not None:
-                sizes.append(float(self.problem.probe([unknown.size])[0, 0]))
-            else:
-                sizes.append(1.0 if unknown.kind == "angle" else self.problem.assembler.length)
+        sizes = [1.0, *(self.natural.sizes[u] for u in self.left)]
         # powers of two, so that scaling rounds nothing
         return np.asarray(2.0 ** np.round(np.log2(sizes)))
 
@@ -147,12 +141,13 @@ class QuadraticClosure:
         J = np.array([(Q + Q.T) @ x for Q in reduced[0][quadratic]])[:, 1:] if self.n else None
         picked = quadratic[:0]
         if J is not None and J.size:
-            order, columns = _pivots(J)
+            order, _ = _pivots(J)
             picked = np.sort(quadratic[order])
         if len(picked) < self.n:
             raise ConfigurationError(
                 f"the known joints leave {self.n - len(picked)} freedoms of "
-                f"{self.problem.models.structure.mechanism.name} open at home: its solutions are not points"
+                f"{self.problem.models.structure.mechanism.name} open at home: solutions are no "
+                "points but move"
             )
         self.square = picked
         solved = {self.left[k - 1] for k in self.pivots}

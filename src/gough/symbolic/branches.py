@@ -194,7 +194,12 @@ class Branches:
     def _crossing(self, lines: list[Condition]) -> Condition | None:
         """A line that crosses the first at every probed state."""
         for second in lines[1:]:
-            if not self.natural.probing.zero(self._determinant(lines[0], second)):
+            x, y = sorted(lines[0].polynomial.unknowns | second.polynomial.unknowns)
+            a, b = (
+                (line.polynomial.coefficient(x), line.polynomial.coefficient(y), 0.0)
+                for line in (lines[0], second)
+            )
+            if not self.natural.probing.parallel(a, b):
                 return second
         return None
 

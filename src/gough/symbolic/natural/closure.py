@@ -52,11 +52,13 @@ class NaturalClosure:
         pose: T_base_platform where that is known, for the inverse problem.
         turn: R_base_platform where only that is known, of a platform that keeps its orientation.
         probe: numbers of scalars at a few states.
+        length: the characteristic length, m.
 
     Attributes:
         unknowns: every unknown, eliminated ones too.
         solved: the unknowns that linear equations gave, in terms of those left.
         conditions: the equations left.
+        sizes: what each unknown is a multiple of.
         checks: equations without unknowns left: conditions on what is known.
         flips: classes whose angle only one homogeneous equation asks for, with that equation.
         stretched: slides whose length makes up for any distance of their ends, by their class.
@@ -72,10 +74,11 @@ class NaturalClosure:
         nominal: Values,
         known: Mapping[str, Sequence[Scalar]],
         probe: Probe,
+        length: float,
         pose: Transform | None = None,
         turn: Matrix | None = None,
     ) -> None:
-        self.structure, self.probing = structure, Probing(probe)
+        self.structure, self.probing = structure, Probing(probe, length)
         self.gathering = Gathering(structure, values, nominal, known, self.probing, pose, turn)
         self.needs = Needs(self.gathering)
         self.clusters, self.families = self.gathering.clusters, self.gathering.families
@@ -86,7 +89,8 @@ class NaturalClosure:
         self._written: list[Condition] = []
         self._introduce()
         self._write()
-        left = Elimination(self._written, self.unknowns, self.families, self.probing)
+        self.sizes = self._sizes()
+        left = Elimination(self._written, self.unknowns, self.sizes, self.families, self.probing)
         self.solved, self.conditions, self.checks = left.solved, left.conditions, left.checks
         self.flips, self.keeps_shape = left.flips, left.keeps_shape
 
@@ -215,6 +219,16 @@ class NaturalClosure:
         first = al.sub(al.mul(bb, va), al.mul(ab, vb))
         second = al.sub(al.mul(aa, vb), al.mul(ab, va))
         return self.probing.plain([_quotient(first, det), _quotient(second, det)])
+
+    def _sizes(self) -> list[float]:
+        """What each unknown is a multiple of: 1 for an angle, else a length."""
+        length = self.probing.length
+        given = [0.0 if u.size is None else u.size for u in self.unknowns]
+        found = self.probing.probe(given)[0] if given else []
+        return [
+            1.0 if u.kind == "angle" else (length if u.size is None else float(size))
+            for u, size in zip(self.unknowns, found, strict=True)
+        ]
 
     # equations
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from math import prod
 
 import numpy as np
 
 from gough import algebra as al
-from gough.symbolic.natural.parts import ORDER, ZERO, Condition, Family, Probing, Unknown
+from gough.symbolic.natural.parts import ORDER, PIVOT, ZERO, Condition, Family, Probing, Unknown
 from gough.symbolic.polynomials import Polynomial
 
 
@@ -26,15 +27,30 @@ class Elimination:
         self,
         conditions: Sequence[Condition],
         unknowns: Sequence[Unknown],
+        sizes: Sequence[float],
         families: Sequence[Family],
         probing: Probing,
     ) -> None:
-        self.conditions, self.unknowns = list(conditions), unknowns
+        self.unknowns, self.sizes = unknowns, sizes
         self.families, self.probing = families, probing
         self.solved: dict[int, Polynomial] = {}
         self.checks: list[Condition] = []
         self.flips: list[tuple[Family, Condition]] = []
+        scales = self._terms([c.polynomial for c in conditions])
+        self.conditions = [
+            replace(c, scale=max(found, default=0.0))
+            for c, found in zip(conditions, scales, strict=True)
+        ]
         self._eliminate()
+
+    def _terms(self, polynomials: Sequence[Polynomial]) -> list[list[float]]:
+        """The largest size of each term at any state, unknowns at their sizes."""
+        scalars = [x for polynomial in polynomials for x in polynomial.terms.values()]
+        largest = iter(np.max(np.abs(self.probing.probe(scalars)), axis=0) if scalars else [])
+        return [
+            [float(next(largest)) * prod(self.sizes[u] for u in key) for key in polynomial.terms]
+            for polynomial in polynomials
+        ]
 
     def _eliminate(self) -> None:
         """Solve linear equations whose pivot is a number, the platform's unknowns last."""
@@ -77,14 +93,17 @@ class Elimination:
                 self.conditions[n] = replace(before, polynomial=polynomial)
 
     def _without_zeros(self, polynomials: Mapping[int, Polynomial]) -> dict[int, Polynomial]:
-        """Polynomials without the coefficients that are zero at every probed state."""
-        scalars = [x for polynomial in polynomials.values() for x in polynomial.terms.values()]
-        if not scalars:
-            return dict(polynomials)
-        sizes = iter(np.max(np.abs(self.probing.probe(scalars)), axis=0))
+        """Polynomials of conditions without the terms that are zero at every state."""
+        sizes = self._terms(list(polynomials.values()))
         return {
-            n: Polynomial({key: x for key, x in polynomial.terms.items() if next(sizes) > ZERO})
-            for n, polynomial in polynomials.items()
+            n: Polynomial(
+                {
+                    key: x
+                    for (key, x), size in zip(polynomial.terms.items(), found, strict=True)
+                    if size > ZERO * self.conditions[n].scale
+                }
+            )
+            for (n, polynomial), found in zip(polynomials.items(), sizes, strict=True)
         }
 
     def _drop_repeats(self) -> None:
@@ -144,8 +163,11 @@ class Elimination:
                 continue
             for index in condition.polynomial.unknowns:
                 value = condition.polynomial.coefficient(index)
-                if al.is_number(value) and abs(value) > 1e-6:
-                    key = (rank[index], -abs(value))
+                if not al.is_number(value):
+                    continue
+                share = abs(value) * self.sizes[index] / condition.scale
+                if share > PIVOT:
+                    key = (rank[index], -share)
                     if best is None or key < best[0]:
                         best = (key, condition, index)
         return None if best is None else (best[1], best[2])

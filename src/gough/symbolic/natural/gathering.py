@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
-
 from gough import algebra as al
 from gough.algebra import Matrix, Scalar, Transform
 from gough.description import Joint
@@ -17,7 +15,7 @@ from gough.joints import TYPES
 from gough.joints.base import Dimensions
 from gough.joints.constraints import CONSTRAINTS
 from gough.joints.free import ROTATIONS, Free
-from gough.symbolic.natural.parts import SMALL, Cluster, Family, Link, Probing
+from gough.symbolic.natural.parts import Cluster, Family, Link, Probing
 from gough.topology import Structure
 
 
@@ -211,8 +209,7 @@ class Gathering:
             R = self.turned(link, near)
             if not known.rests:
                 assert known.axis is not None
-                z = al.turn(al.transpose(known.axis[1]), al.column(R, 2))
-                if np.max(np.abs(self.probing.probe(z[:2]))) > SMALL:
+                if not self.probing.parallel(al.column(known.axis[1], 2), al.column(R, 2)):
                     continue
                 # the axis stays where it is while the known class turns
                 R = al.matmul(known.axis[0], al.matmul(al.transpose(known.axis[1]), R))

@@ -76,7 +76,7 @@ class Needs:
             if self.gathering.probing.rank(vectors) > 1:
                 continue
             across = self.direction(link, end, k)
-            if all(self.gathering.probing.zero(al.dot(across, v)) for v in vectors):
+            if all(self.gathering.probing.normal(across, v) for v in vectors):
                 family.spin = link.name
                 self.dropped.add(link.name)
                 return True
@@ -102,7 +102,7 @@ class Needs:
             aside = list(family.wanted)
             if family.axis is not None:
                 axis = al.column(family.axis[1], 2)
-                if not self.gathering.probing.zero(al.dot(axis, z)):
+                if not self.gathering.probing.normal(axis, z):
                     family.wanted.append(z)
                     continue
                 aside = [al.minus(v, al.scale(al.dot(axis, v), axis)) for v in aside]

@@ -19,9 +19,11 @@ Probe = Callable[[Sequence[Scalar]], Array]
 """Numbers of some scalars at a few states, (states, scalars): what is zero there is zero."""
 
 ZERO = 1e-11
-"""Size of a coefficient that is zero but for rounding."""
+"""Size of a term, relative to its equation's, that is zero but for rounding."""
+PIVOT = 1e-6
+"""Least size of a term, relative to its equation's, that an equation is solved for."""
 SMALL = 1e-9
-"""Components of vectors relative to their size below which they are zero for a probe."""
+"""Sines and cosines below this are zero, and lengths over the characteristic length."""
 
 Kind = Literal["position", "displacement", "slide", "angle", "vector", "platform", "pose"]
 ORDER: tuple[Kind, ...] = (
@@ -106,32 +108,49 @@ class Condition:
     kind: Literal["joint", "shape"]
     length: Scalar = None
     """For the squared length of a vector: the length it keeps, m."""
+    scale: float = 0.0
+    """Size of its largest term as it was written, with each unknown of its own size."""
 
 
 class Probing:
-    """What scalars are at a few states: zero, constant, independent."""
+    """What scalars and vectors are at a few states: zero, constant, independent.
 
-    def __init__(self, probe: Probe) -> None:
-        self.probe = probe
+    Args:
+        probe: numbers of scalars at the states.
+        length: the characteristic length, m.
+    """
 
-    def zero(self, x: Scalar) -> bool:
-        """Whether a scalar is zero at every state."""
-        return bool(np.max(np.abs(self.probe([x]))) < SMALL)
+    def __init__(self, probe: Probe, length: float) -> None:
+        self.probe, self.length = probe, length
 
-    def parallel(self, v: al.Vector, axis: al.Vector) -> bool:
-        """Whether two vectors are parallel at every state."""
-        return all(self.zero(x) for x in al.cross(v, axis))
+    def directions(self, vectors: Sequence[al.Vector]) -> Array:
+        """Vectors by their own size, (states, vectors, 3); 0 where they are nothing."""
+        if not vectors:
+            return np.zeros((1, 0, 3))
+        found = self.probe([x for v in vectors for x in v]).reshape(-1, len(vectors), 3)
+        size = np.linalg.norm(found, axis=2, keepdims=True)
+        nothing = size <= SMALL * min(self.length, 1.0)
+        return np.where(nothing, 0.0, found / np.where(nothing, 1.0, size))
+
+    def normal(self, a: al.Vector, b: al.Vector) -> bool:
+        """Whether two vectors are normal to each other at every state, or one is nothing."""
+        one, other = np.moveaxis(self.directions([a, b]), 1, 0)
+        return bool(np.max(np.abs(np.sum(one * other, axis=1))) <= SMALL)
+
+    def parallel(self, a: al.Vector, b: al.Vector) -> bool:
+        """Whether two vectors are parallel at every state, or one is nothing."""
+        one, other = np.moveaxis(self.directions([a, b]), 1, 0)
+        return bool(np.max(np.abs(np.cross(one, other))) <= SMALL)
 
     def rank(self, vectors: Sequence[al.Vector]) -> int:
-        """The most independent vectors at any probed state."""
-        if not vectors:
+        """The most independent vectors at any state."""
+        stacks = self.directions(vectors)
+        if not stacks.size:
             return 0
-        flat = self.probe([x for v in vectors for x in v])
-        stacks = flat.reshape(len(flat), len(vectors), 3)
         return max(int(np.linalg.matrix_rank(stack, tol=SMALL)) for stack in stacks)
 
     def plain(self, scalars: Sequence[Scalar]) -> list[Scalar]:
-        """The scalars, as numbers where they are the same at every probed state."""
+        """The scalars, as numbers where they are the same at every state."""
         found = self.probe(scalars)
         constant = np.ptp(found, axis=0) <= 1e-13 * (1.0 + np.abs(found[0]))
         means = [_rounded(float(x)) for x in found[0]]
