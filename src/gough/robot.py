@@ -171,6 +171,22 @@ class Robot:
         """
         return self._inverse.working_modes(x, near)
 
+    @property
+    def has_closed_form(self) -> bool:
+        """Whether every leg is solved in closed form, so that `working_modes` can list them."""
+        return self._inverse.closed_form
+
+    @cached_property
+    def position_names(self) -> tuple[str, ...]:
+        """A name for each number of a configuration q."""
+        names: list[str] = []
+        for edge in self.structure.edges:
+            labels = list(edge.type.labels)
+            if edge.type.coordinates > edge.type.freedoms:
+                labels[-3:] = ["qw", "qx", "qy", "qz"]
+            names += [f"{edge.name}.{label}" if label else edge.name for label in labels]
+        return tuple(names)
+
     def _direct_problem(self, motion: str = "home") -> DirectProblem:
         if motion not in self._direct_problems:
             from gough.geometry.assembly_modes import DirectProblem

@@ -12,7 +12,9 @@ COMMANDS = {
     "analyse": "Mobility, redundancy and singularity of a mechanism.",
     "check": "Check a description: every error of the file at once.",
     "export": "Models as C or CUDA code, or how many operations they take.",
+    "inverse": "Positions of the joints for a pose, on every working mode.",
     "list": "The robots of the catalogue.",
+    "modes": "Every assembly mode for some positions of the motors.",
     "study": "A report on a mechanism, with pictures.",
 }
 

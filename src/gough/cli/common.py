@@ -54,6 +54,35 @@ def seed_option(command: F) -> F:
     )(command)
 
 
+class Numbers(click.ParamType):
+    """Numbers or expressions in one text, with commas or spaces between: 0.3, pi/4."""
+
+    name = "numbers"
+
+    def convert(self, value: Any, param: Any, ctx: Any) -> list[float]:
+        """The numbers; a message that names the one that can not be read."""
+        from gough.description.expression import Expression, ExpressionError
+
+        if isinstance(value, list):
+            return value
+        texts = [text for text in value.replace(",", " ").split() if text]
+        numbers = []
+        for text in texts:
+            try:
+                number = float(Expression.read(text).evaluate({}))
+            except (ExpressionError, TypeError) as error:
+                self.fail(f"{text!r} is no number: {error}", param, ctx)
+            numbers.append(number)
+        if not numbers:
+            self.fail("expected numbers, with commas or spaces between", param, ctx)
+        return numbers
+
+
+def numbers_option(flag: str, name: str, help_text: str) -> Callable[[F], F]:
+    """An option with several numbers."""
+    return click.option(flag, name, type=Numbers(), metavar="NUMBERS", help=help_text)
+
+
 def reporting_errors(command: F) -> F:
     """The command, with errors of ours as messages and exit codes: 2 wrong input, 1 no solution."""
 

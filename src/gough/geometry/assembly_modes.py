@@ -11,6 +11,7 @@ import io
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -95,6 +96,22 @@ class AssemblyModes:
         if endings:
             lines.append(f"paths: {endings}")
         return "\n".join([*lines, *self.notes])
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content as plain data."""
+        return {
+            "name": self.robot,
+            "q_actuated": self.q_actuated.tolist(),
+            "status": self.status,
+            "complex_count": self.complex_count,
+            "expected": list(self.expected),
+            "coordinates": list(self.names),
+            "x": self.x.tolist(),
+            "poses": self.poses.tolist(),
+            "certified": self.certified.tolist(),
+            "endings": self.endings,
+            "notes": list(self.notes),
+        }
 
     def _table(self) -> list[str]:
         if not len(self):
@@ -333,10 +350,7 @@ class _Ends:
         self.endings: dict[str, int] = {}
         self.expected: tuple[int, ...] = ()
         self.q = q
-        if self.closure.n == 0:
-            x = np.ones((1, 1), dtype=complex)
-        else:
-            x = self._tracked(c)
+        x = self._tracked(c) if self.closure.n else np.ones((1, 1), dtype=complex)
         satisfied = self._satisfied(x)
         self.surplus = int(np.sum(~satisfied))
         x = x[satisfied]

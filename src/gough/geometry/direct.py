@@ -104,7 +104,7 @@ class DirectGeometry:
 
     @cached_property
     def reduced(self) -> Reduced | None:
-        """The step of Newton's method on the platform's coordinates; None where these are not all."""
+        """Newton's step on the platform's coordinates; None where more is unknown."""
         return Reduced.of(self.direct)
 
     def _by_platform(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from itertools import product
+from typing import Any
 
 import casadi
 import numpy as np
@@ -76,25 +77,43 @@ class WorkingModes:
     signs: NDArray[np.int8]
     """The branch taken by each leg, 1 or -1, (modes, branches)."""
     labels: tuple[str, ...]
-    """The joint or body at which each branch splits."""
+    """The leg, joint or body at which each branch splits."""
+    names: tuple[str, ...]
+    """The actuated positions."""
+    near: str
+    """The word of the mode that choices are nearest to."""
     short: tuple[str, ...]
     """What legs do not reach, in words; empty where modes exist."""
 
     def __len__(self) -> int:
         return len(self.q)
 
+    def as_dict(self) -> dict[str, Any]:
+        """The content as plain data."""
+        return {
+            "branches": list(self.labels),
+            "modes": self.words(),
+            "q_actuated": self.q_actuated.tolist(),
+            "q": self.q.tolist(),
+        }
+
     def words(self) -> list[str]:
         """Each mode as a word of + and -, a letter for each branch."""
-        return ["".join("+" if s > 0 else "-" for s in row) for row in self.signs]
+        return [_word(row) for row in self.signs]
 
     def __str__(self) -> str:
         plural = "" if len(self) == 1 else "s"
-        lines = [f"{len(self)} working mode{plural} of {self.robot}"]
-        lines += list(self.short)
+        lines = [f"{len(self)} working mode{plural} of {self.robot}", *self.short]
         if self.labels:
-            lines.append("branches at " + ", ".join(self.labels))
+            lines.append("branches: " + ", ".join(self.labels))
+        if not len(self):
+            return "\n".join(lines)
+        width = max(4, len(self.labels))
+        cell = max(12, *(len(name) + 2 for name in self.names)) if self.names else 12
+        lines.append("mode".ljust(width) + "".join(name.rjust(cell) for name in self.names))
         for word, q in zip(self.words(), self.q_actuated, strict=True):
-            lines.append(f"  {word or '·'}  " + "  ".join(f"{value:+.6f}" for value in q))
+            cells = "".join(f"{value:+.6f}".rjust(cell) for value in q)
+            lines.append(f"{word.ljust(width)}{cells}" + ("  home" if word == self.near else ""))
         return "\n".join(lines)
 
 
@@ -338,7 +357,7 @@ class InverseGeometry:
         labels = tuple(self._leg(branch.source) for branch in self.branches.branches)
         return WorkingModes(
             self.models.structure.mechanism.name, q[kept], actuated.of(q[kept]),
-            signs[kept].astype(np.int8), labels, short,
+            signs[kept].astype(np.int8), labels, tuple(actuated.names), _word(self.signs(near)), short,
         )  # fmt: skip
 
     def _choices(self) -> Array:
@@ -347,6 +366,11 @@ class InverseGeometry:
         if 2**count > MOST_MODES:
             raise ConfigurationError(f"there are 2^{count} branches; no more than 4096 are listed")
         return np.array(list(product((1.0, -1.0), repeat=count))).reshape(2**count, count)
+
+
+def _word(signs: NDArray[np.int8]) -> str:
+    """+ and - for each branch."""
+    return "".join("+" if sign > 0 else "-" for sign in signs)
 
 
 def _unit_quaternions(q: Array) -> Array:

@@ -118,13 +118,14 @@ class Elimination:
         self.conditions = kept
 
     def _proportional(self, a: Polynomial, b: Polynomial) -> bool:
+        """Whether b is a multiple of a at every state, with coefficients in the order of a."""
         found = self.probing.probe([p.terms[key] for p in (a, b) for key in a.terms])
         for first, second in found.reshape(len(found), 2, -1):
             k = int(np.argmax(np.abs(first)))
-            if (
-                np.max(np.abs(second - first * (second[k] / first[k])))
-                > 1e-11 * np.abs(second).max()
-            ):
+            rest = second * first[k] - first * second[k]
+            if np.abs(rest).max() > ZERO * abs(first[k]) * np.abs(second).max():
+                return False
+            if first[k] == 0 and np.abs(second).max() > 0:
                 return False
         return True
 
