@@ -179,13 +179,9 @@ class Robot:
     @cached_property
     def position_names(self) -> tuple[str, ...]:
         """A name for each number of a configuration q."""
-        names: list[str] = []
-        for edge in self.structure.edges:
-            labels = list(edge.type.labels)
-            if edge.type.coordinates > edge.type.freedoms:
-                labels[-3:] = ["qw", "qx", "qy", "qz"]
-            names += [f"{edge.name}.{label}" if label else edge.name for label in labels]
-        return tuple(names)
+        from gough.geometry.coordinates import position_names
+
+        return position_names(self.models)
 
     def _direct_problem(self, motion: str = "home") -> DirectProblem:
         if motion not in self._direct_problems:

@@ -1,4 +1,4 @@
-"""Natural coordinates: equations that closed configurations fulfil, and configurations from them."""
+"""Natural coordinates: what closed configurations fulfil, and configurations from them."""
 
 import numpy as np
 import pytest

@@ -20,7 +20,7 @@ from gough.assembly import Assembler
 from gough.cache import digest, from_environment
 from gough.errors import ConfigurationError
 from gough.geometry import monodromy
-from gough.geometry.coordinates import Coordinates, constant_turn
+from gough.geometry.coordinates import Coordinates, constant_turn, position_names
 from gough.geometry.placing import Placing
 from gough.geometry.problem import Problem
 from gough.geometry.quadratic_closure import QuadraticClosure
@@ -44,6 +44,8 @@ SATISFIED = 1e-7
 """Largest residual, relative, of equations that a complex solution has to satisfy besides."""
 NEARLY_REAL = 1e-8
 """Largest imaginary part, relative, of a solution that counts as real without proof."""
+SHOWN = 8
+"""Joints in the table of a mechanism without outputs."""
 SAMPLES = 8
 """Real members of the family of a mechanism that its start set is found in."""
 
@@ -74,6 +76,8 @@ class AssemblyModes:
     """What a reader of the list should know."""
     names: tuple[str, ...] = ()
     """The operational coordinates."""
+    position_names: tuple[str, ...] = ()
+    """The numbers of a configuration."""
     _configurations: Callable[[], Array] = field(default=lambda: np.zeros((0, 0)), repr=False)
 
     def __len__(self) -> int:
@@ -116,15 +120,22 @@ class AssemblyModes:
     def _table(self) -> list[str]:
         if not len(self):
             return []
-        numbers = self.x if self.x.shape[1] else self.poses
-        names = self.names if self.x.shape[1] else ("x", "y", "z", "qw", "qx", "qy", "qz")
-        if len(names) != numbers.shape[1]:
-            numbers, names = np.zeros((len(self), 0)), ()
-        lines = ["   " + "".join(f"{name:>11}" for name in names) + "   proved"]
+        numbers, names = self._columns()
+        width = max(11, *(len(name) + 2 for name in names)) if names else 11
+        lines = ["   " + "".join(f"{name:>{width}}" for name in names) + "   proved"]
         for k, (row, proved) in enumerate(zip(numbers, self.certified, strict=True)):
-            cells = "".join(f"{value:+11.6f}" for value in row)
+            cells = "".join(f"{value + 0.0:+{width}.6f}" for value in row)
             lines.append(f"{k:3d}{cells}   {'yes' if proved else 'no'}")
         return lines
+
+    def _columns(self) -> tuple[Array, tuple[str, ...]]:
+        """Outputs, or without them the joints that tell the modes apart."""
+        if self.names:
+            return self.x, self.names
+        if len(self.poses):
+            return self.poses, ("x", "y", "z", "qw", "qx", "qy", "qz")
+        differs = np.flatnonzero(np.ptp(self.q, axis=0) > 1e-9)[:SHOWN]
+        return self.q[:, differs], tuple(self.position_names[k] for k in differs)
 
 
 class DirectProblem:
@@ -212,6 +223,7 @@ class DirectProblem:
             found.endings,
             notes,
             tuple(self.operational.names),
+            position_names(self.models),
             configurations,
         )
 
@@ -250,12 +262,13 @@ class DirectProblem:
             self.operational.of(found),
             self._poses(found),
             certified,
-            ends.status,
+            "expected" if ends.saturated else "found",
             ends.count - dropped,
             ends.expected,
             ends.endings,
             self._notes(ends),
             tuple(self.operational.names),
+            position_names(self.models),
             lambda: found,
         )
 
@@ -342,12 +355,14 @@ class _Ends:
         certified: which of them are proved, (k,).
         count: finite distinct complex solutions that satisfy every equation.
         surplus: those that do not satisfy every equation.
+        saturated: whether every path of a complete start set ended at a solution of its own.
     """
 
     def __init__(self, direct: DirectProblem, q: Array) -> None:
         self.direct, self.closure = direct, direct.closure
         c, self.T = self.closure.coefficients(q)
         self.endings: dict[str, int] = {}
+        self.saturated = self.closure.n == 0
         self.expected: tuple[int, ...] = ()
         self.q = q
         x = self._tracked(c) if self.closure.n else np.ones((1, 1), dtype=complex)
@@ -368,12 +383,12 @@ class _Ends:
         finite = np.abs(x[:, 0]) > monodromy.FINITE
         regular = monodromy.regular(pattern, c, x) if len(x) else finite
         self._count_ends(finite, regular)
-        self.whole = start.complete and not any(
-            paths.ended(e).any() for e in (PathEnding.step_limit, PathEnding.not_finite)
-        )
-        self.expected = (len(start.x),) if start.complete else ()
         found = x[finite & regular]
-        return monodromy.distinct(found) if len(found) else found
+        found = monodromy.distinct(found) if len(found) else found
+        self.saturated = start.complete and len(found) == len(start.x)
+        if start.complete and not len(self.closure.others):
+            self.expected = (len(start.x),)
+        return found
 
     def _count_ends(self, finite: Mask, regular: Mask) -> None:
         for name, mask in (("at infinity", ~finite), ("at a singular solution", finite & ~regular)):
@@ -404,15 +419,7 @@ class _Ends:
         self.real = (values * self.closure.size)[keep][:, 1:]
         whole = not len(self.closure.others)
         self.certified = proved[keep] & whole
-        self.status = self._status(found)
 
     def _certificates(self, affine: Complex) -> Certificates:
         pattern, c, errors = self.closure.proof(self.q)
         return certify(pattern, c, errors, affine)
-
-    def _status(self, found: Certificates) -> str:
-        if self.closure.n == 0:
-            return "expected"
-        return (
-            "expected" if self.whole and (self.count + self.surplus,) == self.expected else "found"
-        )

@@ -111,6 +111,17 @@ class Coordinates:
         return bool(np.all(np.ptp(left, axis=0) < CONSTANT)) if len(q) > 1 else left.shape[1] == 0
 
 
+def position_names(models: Models) -> tuple[str, ...]:
+    """A name for each number of a configuration."""
+    names: list[str] = []
+    for edge in models.structure.edges:
+        labels = list(edge.type.labels)
+        if edge.type.coordinates > edge.type.freedoms:
+            labels[-3:] = ["qw", "qx", "qy", "qz"]
+        names += [f"{edge.name}.{label}" if label else edge.name for label in labels]
+    return tuple(names)
+
+
 CONSTANT = 1e-9
 """How much a coordinate may change on a motion that leaves it constant, m or rad."""
 

@@ -356,9 +356,15 @@ class InverseGeometry:
         short = () if kept.any() else tuple(sorted(set(reasons)))
         labels = tuple(self._leg(branch.source) for branch in self.branches.branches)
         return WorkingModes(
-            self.models.structure.mechanism.name, q[kept], actuated.of(q[kept]),
-            signs[kept].astype(np.int8), labels, tuple(actuated.names), _word(self.signs(near)), short,
-        )  # fmt: skip
+            self.models.structure.mechanism.name,
+            q[kept],
+            actuated.of(q[kept]),
+            signs[kept].astype(np.int8),
+            labels,
+            tuple(actuated.names),
+            _word(self.signs(near)),
+            short,
+        )
 
     def _choices(self) -> Array:
         assert self.branches is not None

@@ -87,10 +87,13 @@ class NaturalClosure:
         self.unknowns: list[Unknown] = []
         self.slides: dict[Link, int] = {}
         self._written: list[Condition] = []
+        self._implied: list[Condition] = []
         self._introduce()
         self._write()
         self.sizes = self._sizes()
-        left = Elimination(self._written, self.unknowns, self.sizes, self.families, self.probing)
+        left = Elimination(
+            self._written, self._implied, self.unknowns, self.sizes, self.families, self.probing
+        )
         self.solved, self.conditions, self.checks = left.solved, left.conditions, left.checks
         self.flips, self.keeps_shape = left.flips, left.keeps_shape
 
@@ -249,6 +252,8 @@ class NaturalClosure:
             one = Polynomial.constant(1.0)
             shape += [(u_v, None) for u_v in (po.dot(u, u) - one, po.dot(v, v) - one, po.dot(u, v))]
             shape += [(entry, None) for entry in po.minus(w, po.cross(u, v))]
+            implied = (po.dot(w, w) - one, po.dot(u, w), po.dot(v, w))
+            self._implied += [Condition(entry, family.name, "shape") for entry in implied]
         else:
             for i, a in enumerate(family.basis):
                 for k in range(i + 1):

@@ -16,6 +16,14 @@ from gough.symbolic.polynomials import Polynomial
 class Elimination:
     """Solves and tidies conditions.
 
+    Args:
+        conditions: the equations.
+        implied: what the shapes among them imply, to simplify other equations with.
+        unknowns: every unknown.
+        sizes: what each is a multiple of.
+        families: classes of orientation.
+        probing: tells zeros.
+
     Attributes:
         solved: the unknowns that linear equations gave, in terms of those left.
         conditions: the equations left.
@@ -26,13 +34,14 @@ class Elimination:
     def __init__(
         self,
         conditions: Sequence[Condition],
+        implied: Sequence[Condition],
         unknowns: Sequence[Unknown],
         sizes: Sequence[float],
         families: Sequence[Family],
         probing: Probing,
     ) -> None:
         self.unknowns, self.sizes = unknowns, sizes
-        self.families, self.probing = families, probing
+        self.families, self.probing, self.implied = families, probing, list(implied)
         self.solved: dict[int, Polynomial] = {}
         self.checks: list[Condition] = []
         self.flips: list[tuple[Family, Condition]] = []
@@ -67,10 +76,13 @@ class Elimination:
             self.conditions = [
                 replace(c, polynomial=c.polynomial.substituted(value)) for c in self.conditions
             ]
+            self.implied = [
+                replace(c, polynomial=c.polynomial.substituted(value)) for c in self.implied
+            ]
             self.solved = {k: p.substituted(value) for k, p in self.solved.items()} | value
             self._tidy()
         self._tidy()
-        for shape in [c for c in self.conditions if self.keeps_shape(c)]:
+        for shape in [c for c in [*self.conditions, *self.implied] if self.keeps_shape(c)]:
             self._reduce(shape)
         self._tidy()
         self._drop_repeats()
