@@ -1,14 +1,19 @@
 """Direct geometry: operational coordinates for given actuated positions, near a known solution.
 
-Where the legs leave only the platform's coordinates unknown, Newton's method works on these alone,
-compiled into one kernel for a whole step: a leg's equation is its length, and its derivative by the
-platform's twist. The determinant of these derivatives changes its sign where the step crosses a
-singularity of type 2; such a step ends with that name. Other mechanisms close all their loops
-with damped steps.
+Newton's method works on the unknowns that the legs leave: the platform's coordinates where these
+are all, else natural coordinates. One kernel makes a whole step. Two guards keep a solution on the
+mode it starts from:
+
+- the determinant of the step's equations changes its sign at singularities of type 2; a step that
+  would lead across ends there;
+- a first step counts only if the second is a quarter of it or less, in units that do not depend on
+  the equations (Deuflhard 2004, ch. 3). Rows that start too far for that are led along the straight
+  line of actuated positions, in steps that pass the test.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -19,27 +24,32 @@ from numpy.typing import ArrayLike, NDArray
 
 from gough.errors import ConfigurationError
 from gough.geometry.assembly_modes import DirectProblem
-from gough.geometry.closing import Closing
 from gough.geometry.inverse import InverseGeometry
 from gough.kernels import Kernel
 from gough.kernels.solves import lu_solve_with_determinant
-from gough.numerics.stepping import StepEnding, step_batch
+from gough.numerics.stepping import StepEnding, Stepped, step_batch
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TOLERANCE = 1e-12
-"""Largest error of a leg's length, in characteristic lengths, of a solution."""
-PARTS = 4
-"""Parts of the way that damped steps follow to stay on their mode; a guess."""
+TOLERANCE = 1e-13
+"""Largest residual of a solution; lengths in characteristic lengths."""
+CLOSED = 1e-9
+"""Largest closure residual of a configuration that counts: sines, characteristic lengths."""
+CONTRACTION = 0.25
+"""Largest second step, in first steps, of a start that is near enough."""
+NOTHING = 1e-7
+"""First steps below this, relative, are near whatever follows: rounding is all there is."""
+FINEST = 2.0**-14
+"""Least part of the way to the wanted positions that is tried."""
 
 
 class Found(Enum):
     """How the direct problem ended for one row; the text is what the user reads."""
 
     closed = "every loop closes"
-    crossed = "the way from near crosses a singularity of type 2"
-    open = "no solution was found near: there may be none, or none nearer than another mode"
+    crossed = "the way from near meets a singularity of type 2"
+    open = "no solution was found on the way from near"
 
 
 ENDINGS = tuple(Found)
@@ -50,7 +60,7 @@ class DirectSolution:
     """Operational coordinates for a batch of actuated positions."""
 
     x: Array
-    """Operational coordinates, (*batch, n); the nearest point found where not closed."""
+    """Operational coordinates, (*batch, n); the last solution on the way where not closed."""
     ending: NDArray[np.int8]
     """The place in `ENDINGS` of each row's, (*batch,)."""
 
@@ -70,8 +80,13 @@ class DirectGeometry:
 
     def __init__(self, direct: DirectProblem, inverse: InverseGeometry) -> None:
         self.direct, self.inverse = direct, inverse
-        self.models, self.assembler = direct.models, direct.assembler
+        self.assembler = direct.assembler
         self.home_x = direct.operational.of(direct.home)
+
+    @cached_property
+    def newton(self) -> Newton:
+        """The step of Newton's method, on as few unknowns as there are."""
+        return PlatformNewton.of(self.direct) or NaturalNewton(self.direct, self.inverse)
 
     def solve(
         self, q_actuated: ArrayLike, near: ArrayLike | None = None, threads: int | None = None
@@ -91,64 +106,107 @@ class DirectGeometry:
                 f"q_actuated has shape {given.shape}, expected (..., {n}): {names}"
             )
         start = self.inverse.checked(self.home_x if near is None else near)
-        batch = given.shape[:-1]
-        rows = np.ascontiguousarray(given.reshape(-1, n))
+        batch = np.broadcast_shapes(given.shape[:-1], start.shape[:-1])
+        rows = np.broadcast_to(given, (*batch, n)).reshape(-1, n)
         starts = np.broadcast_to(start, (*batch, start.shape[-1])).reshape(len(rows), -1)
-        if self.reduced is not None:
-            x, ending = self._by_platform(rows, starts, threads)
-        else:
-            x, ending = self._by_loops(rows, starts, threads)
+        x, ending = self._rows(np.ascontiguousarray(rows), np.ascontiguousarray(starts), threads)
         return DirectSolution(x.reshape(*batch, -1), ending.reshape(batch))
 
-    # the platform alone
-
-    @cached_property
-    def reduced(self) -> Reduced | None:
-        """Newton's step on the platform's coordinates; None where more is unknown."""
-        return Reduced.of(self.direct)
-
-    def _by_platform(
+    def _rows(
         self, given: Array, starts: Array, threads: int | None
     ) -> tuple[Array, NDArray[np.int8]]:
-        reduced = self.reduced
-        assert reduced is not None
-        addresses = reduced.step.addresses
-        found = step_batch(
-            addresses.wide, addresses.scalar, np.ascontiguousarray(starts), given,
-            self.assembler.p, TOLERANCE, threads=threads,
-        )  # fmt: skip
-        ending = np.full(len(given), ENDINGS.index(Found.open), np.int8)
-        ending[found.ended(StepEnding.closed)] = ENDINGS.index(Found.closed)
-        ending[found.ended(StepEnding.crossed)] = ENDINGS.index(Found.crossed)
-        return found.x, ending
-
-    # all loops
-
-    def _by_loops(
-        self, given: Array, starts: Array, threads: int | None
-    ) -> tuple[Array, NDArray[np.int8]]:
-        closing = Closing(self.models, self.assembler, self.direct.actuated)
-        near = self.inverse.solve(starts, threads=threads)
-        q = np.where(near.reached[:, None], near.q, self.direct.home)
-        solution = closing.solve(q, given, steps=PARTS, threads=threads)
-        closed = self.assembler.gaps(solution.x) <= 1e-9
+        newton = self.newton
+        z = newton.start(starts)
+        sure = newton.is_near(z, given)
+        found = newton.solve(z, given, threads)
+        closed = found.ended(StepEnding.closed)
         ending = np.where(closed, 0, ENDINGS.index(Found.open)).astype(np.int8)
-        return self.direct.operational.of(solution.x), ending
+        far = np.flatnonzero(~(sure & closed))
+        if far.size:
+            found.x[far], ending[far] = self._led(z[far], starts[far], given[far])
+        x, placed = newton.outputs(found.x, given, starts)
+        ending[(ending == 0) & ~placed] = ENDINGS.index(Found.open)
+        return x, ending
+
+    def _led(self, z: Array, starts: Array, given: Array) -> tuple[Array, NDArray[np.int8]]:
+        """Solutions along the straight way from the actuated positions of the starts."""
+        near = self.inverse.solve(starts)
+        own = self.direct.actuated.of(near.q)
+        way = _shortest(given - own, self.direct.actuated.units)
+        ending = np.full(len(z), ENDINGS.index(Found.open), np.int8)
+        z, t, h = z.copy(), np.zeros(len(z)), np.full(len(z), 0.25)
+        active = np.array(near.reached)
+        while active.any():
+            rows = np.flatnonzero(active)
+            reach = np.minimum(t[rows] + h[rows], 1.0)
+            goal = own[rows] + reach[:, None] * way[rows]
+            sure = self.newton.is_near(z[rows], goal)
+            step = self.newton.solve(z[rows], goal, None)
+            passed = sure & step.ended(StepEnding.closed)
+            z[rows[passed]], t[rows[passed]] = step.x[passed], reach[passed]
+            h[rows] *= np.where(passed, 2.0, 0.5)
+            ending[rows[step.ended(StepEnding.crossed)]] = ENDINGS.index(Found.crossed)
+            ending[active & (t >= 1)] = ENDINGS.index(Found.closed)
+            active &= (t < 1) & (h >= FINEST)
+        return z, ending
 
 
-@dataclass(frozen=True)
-class Reduced:
-    """One Newton step on the platform's coordinates.
+def _shortest(way: Array, units: list[str]) -> Array:
+    """Ways between positions, of angles by less than half a turn."""
+    angles = [k for k, unit in enumerate(units) if unit == "rad"]
+    way = np.array(way)
+    way[:, angles] -= 2 * np.pi * np.round(way[:, angles] / (2 * np.pi))
+    return way
+
+
+# steps
+
+
+class Newton(ABC):
+    """Newton's method on some unknowns z.
 
     Attributes:
-        step: kernel of (x, a, p) -> (x', gap, determinant).
+        step: kernel of (z, a, p) -> (z', largest residual at z, determinant at z).
+        size: what each number of z is a multiple of, (n,).
     """
 
     step: Kernel
+    size: Array
+
+    def __init__(self, direct: DirectProblem) -> None:
+        self.direct = direct
+
+    @abstractmethod
+    def start(self, x: Array) -> Array:
+        """Unknowns at operational coordinates, (rows, n)."""
+
+    @abstractmethod
+    def outputs(self, z: Array, given: Array, near: Array) -> tuple[Array, Mask]:
+        """Operational coordinates of solutions, and whether every loop closes there."""
+
+    def solve(self, z: Array, given: Array, threads: int | None) -> Stepped:
+        """Steps to solutions."""
+        addresses, p = self.step.addresses, self.direct.assembler.p
+        return step_batch(addresses.wide, addresses.scalar, z, given, p, TOLERANCE, threads=threads)
+
+    def is_near(self, z: Array, given: Array) -> Mask:
+        """Whether the second step is so much smaller than the first that the solution is near."""
+        p, n = self.direct.assembler.p, len(self.size)
+        with np.errstate(all="ignore"):
+            first = self.step(z, given, p)[..., :n]
+            second = self.step(first, given, p)[..., :n]
+            steps = [
+                np.max(np.abs(b - a) / self.size, axis=-1) for a, b in ((z, first), (first, second))
+            ]
+            return np.asarray((steps[1] <= CONTRACTION * steps[0]) | (steps[0] <= NOTHING))
+
+
+class PlatformNewton(Newton):
+    """On the platform's own coordinates: a leg's equation is its length."""
 
     @classmethod
-    def of(cls, direct: DirectProblem) -> Reduced | None:
-        """The step of a mechanism, or None if more than its platform is unknown."""
+    def of(cls, direct: DirectProblem) -> PlatformNewton | None:
+        """The method for a mechanism, or None if more than its platform is unknown."""
         natural, models = direct.problem.natural, direct.models
         platform = models.structure.mechanism.platform
         if platform is None or direct.operational.turned:
@@ -157,44 +215,88 @@ class Reduced:
         owners = {cluster.name, natural.families[cluster.family].name}
         if not {natural.unknowns[u].owner for u in direct.problem.left} <= owners:
             return None
-        values = natural.measured(direct.problem.base_poses)
-        lengths = [
-            condition.polynomial.value(values) / (2.0 * condition.length)
-            for condition in natural.conditions
-            if not natural.keeps_shape(condition) and condition.length is not None
-        ]
-        whole = direct.operational.whole
         edge = models.structure.edge_to[platform]
         columns = [
-            k for k, v in enumerate(models.structure.variables)
+            k
+            for k, v in enumerate(models.structure.variables)
             if v.edge == edge and v.role == "operational"
-        ]  # fmt: skip
-        others = [c for c in natural.conditions if not natural.keeps_shape(c)]
-        if len(lengths) != len(columns) or len(others) != len(lengths):
+        ]
+        legs = [c for c in natural.conditions if not natural.keeps_shape(c)]
+        if len(legs) != len(columns) or any(c.length is None for c in legs):
             return None
-        return cls(_step(direct, casadi.vertcat(*lengths), whole, columns))
+        values = natural.measured(direct.problem.base_poses)
+        lengths = [c.polynomial.value(values) / (2.0 * c.length) for c in legs]
+        return cls(direct, casadi.vertcat(*lengths), columns)
+
+    def __init__(self, direct: DirectProblem, lengths: casadi.SX, columns: list[int]) -> None:
+        super().__init__(direct)
+        closure, assembler = direct.models.closure, direct.assembler
+        whole = direct.operational.whole
+        self.size = assembler.position_scale[whole]
+        H = closure.position_rates[whole, columns]
+        r = lengths / assembler.length
+        scale = casadi.SX(assembler.rate_scale[columns])
+        J = casadi.jacobian(r, closure.q[whole]) @ H @ casadi.diag(scale)
+        step, determinant = lu_solve_with_determinant(J, r)
+        moved = closure.q[whole] - H @ (scale * step)
+        if len(whole) > len(columns):
+            moved[-4:] = moved[-4:] / casadi.norm_2(moved[-4:])
+        self.step = _step_kernel(direct, closure.q[whole], moved, r, determinant)
+
+    def start(self, x: Array) -> Array:
+        return x
+
+    def outputs(self, z: Array, given: Array, near: Array) -> tuple[Array, Mask]:
+        return z, np.ones(len(z), dtype=bool)
 
 
-def _step(
-    direct: DirectProblem, lengths: casadi.SX, whole: list[int], columns: list[int]
+class NaturalNewton(Newton):
+    """On the natural coordinates that linear equations leave."""
+
+    def __init__(self, direct: DirectProblem, inverse: InverseGeometry) -> None:
+        super().__init__(direct)
+        self.inverse = inverse
+        closure, problem = direct.closure, direct.problem
+        self.size = closure.size[1:]
+        z = casadi.SX.sym("z", len(problem.left))
+        values = dict(zip(problem.left, (z[k] for k in range(z.numel())), strict=True))
+        rows = [int(i) for i in (*closure.linear, *closure.square)]
+        conditions = problem.natural.conditions
+        r = casadi.vertcat(
+            *(conditions[i].polynomial.value(values) / closure.row_size[i] for i in rows)
+        )
+        J = casadi.jacobian(r, z) @ casadi.diag(casadi.SX(self.size))
+        step, determinant = lu_solve_with_determinant(J, r)
+        self.step = _step_kernel(direct, z, z - self.size * step, r, determinant)
+
+    def start(self, x: Array) -> Array:
+        q = self.inverse.solve(x).q
+        problem = self.direct.problem
+        return np.ascontiguousarray(problem.measured(q, problem.assembler.p)[:, problem.left])
+
+    def outputs(self, z: Array, given: Array, near: Array) -> tuple[Array, Mask]:
+        start = self.direct.actuated.put(self.inverse.solve(near).q, given)
+        q = self.direct.placing.configurations(start, z, start)
+        return self.direct.operational.of(q), self.direct.assembler.gaps(q) <= CLOSED
+
+
+def _step_kernel(
+    direct: DirectProblem, z: casadi.SX, moved: casadi.SX, r: casadi.SX, determinant: casadi.SX
 ) -> Kernel:
-    """x' = x - J⁻¹ r with unit quaternions, the largest |r|, and det J; lengths in units of L."""
-    closure, length = direct.models.closure, direct.assembler.length
-    H = closure.position_rates[whole, columns]
-    r = lengths / length
-    J = casadi.jacobian(r, closure.q[whole]) @ H
-    scale = casadi.SX(direct.assembler.rate_scale[columns])
-    step, determinant = lu_solve_with_determinant(J @ casadi.diag(scale), r)
-    moved = closure.q[whole] - H @ (scale * step)
-    if len(whole) > len(columns):
-        moved[-4:] = moved[-4:] / casadi.norm_2(moved[-4:])
+    """z', the largest |r| and the determinant, in z, actuated positions and live parameters."""
+    closure = direct.models.closure
     gap = casadi.SX(0.0)
     for k in range(r.numel()):
         gap = casadi.fmax(gap, casadi.fabs(r[k]))
-    actuated = direct.actuated.whole
     output = casadi.vertcat(moved, gap, determinant)
-    # what is neither wanted nor known keeps home's value
-    rest = [k for k in range(closure.q.numel()) if k not in {*whole, *actuated}]
+    # what is neither unknown nor actuated keeps home's value
+    actuated = direct.actuated.whole
+    used = {z[k].__hash__() for k in range(z.numel())}
+    rest = [
+        k
+        for k in range(closure.q.numel())
+        if k not in actuated and closure.q[k].__hash__() not in used
+    ]
     output = casadi.substitute(output, closure.q[rest], casadi.SX(direct.home[rest]))
-    inputs = {"x": closure.q[whole], "a": closure.q[actuated], "p": closure.p}
+    inputs = {"z": z, "a": closure.q[actuated], "p": closure.p}
     return Kernel("direct_geometry_step", inputs, output, (output.numel(),))
