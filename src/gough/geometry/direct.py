@@ -14,6 +14,7 @@ mode it starts from:
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
@@ -22,12 +23,16 @@ import casadi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gough import algebra as al
+from gough.algebra import Scalar
 from gough.errors import ConfigurationError
 from gough.geometry.assembly_modes import DirectProblem
 from gough.geometry.inverse import InverseGeometry
 from gough.kernels import Kernel
 from gough.kernels.solves import lu_solve_with_determinant
 from gough.numerics.stepping import StepEnding, Stepped, step_batch
+from gough.symbolic.natural import NaturalClosure
+from gough.symbolic.natural.parts import Condition
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -225,7 +230,7 @@ class PlatformNewton(Newton):
         if len(legs) != len(columns) or any(c.length is None for c in legs):
             return None
         values = natural.measured(direct.problem.base_poses)
-        lengths = [c.polynomial.value(values) / (2.0 * c.length) for c in legs]
+        lengths = [_excess(natural, c, values) / (2.0 * c.length) for c in legs]
         return cls(direct, casadi.vertcat(*lengths), columns)
 
     def __init__(self, direct: DirectProblem, lengths: casadi.SX, columns: list[int]) -> None:
@@ -248,6 +253,22 @@ class PlatformNewton(Newton):
 
     def outputs(self, z: Array, given: Array, near: Array) -> tuple[Array, Mask]:
         return z, np.ones(len(z), dtype=bool)
+
+
+def _excess(natural: NaturalClosure, condition: Condition, values: Sequence[Scalar]) -> Scalar:
+    """How much the square of a vector's length is too large.
+
+    Written out it is a polynomial with many terms; of the vector itself it takes few operations.
+    """
+    for family in natural.families:
+        if family.name == condition.source and len(family.basis) == 1:
+            parts = [
+                natural.solved[u].value(values) if u in natural.solved else values[u]
+                for part in family.images[0]
+                for u in part.unknowns
+            ]
+            return al.sub(al.dot(parts, parts), al.mul(condition.length, condition.length))
+    return condition.polynomial.value(values)
 
 
 class NaturalNewton(Newton):

@@ -128,9 +128,7 @@ def _loop(family: Family, base: Complex, x: Complex, rng: np.random.Generator) -
     return sound(family, base, x)
 
 
-def _tracked(
-    family: Family, start: Complex, target: Complex, x: NDArray[np.number]
-) -> Complex:
+def _tracked(family: Family, start: Complex, target: Complex, x: NDArray[np.number]) -> Complex:
     """Ends of the paths that arrive."""
     paths = track(family.pattern, start, target, np.asarray(x, dtype=complex), light=1)
     return np.asarray(paths.x[paths.ended(PathEnding.arrived)])

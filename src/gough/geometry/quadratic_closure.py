@@ -113,10 +113,23 @@ class QuadraticClosure:
         errors = (0.5 * (high - low) * scale)[used] * (1 + 1e-12) + DATA * largest[pattern.rows]
         return pattern, c, errors
 
+    def proof_between(self, low: Array, high: Array) -> tuple[Quadratics, Array, Array]:
+        """As `proof`, with errors that cover every q between two bounds.
+
+        Args:
+            low: lower bounds of the known positions, at their places in q, (positions,).
+            high: upper bounds; what stands for unknown positions says nothing.
+        """
+        return self.proof(np.array([low, high]))
+
     def _bounds(self, q: Array) -> Array:
-        """Lower and upper bound of each coefficient, (terms, 2)."""
-        exact = [np.repeat(values, 2) for values in (q, self.problem.assembler.p)]
-        return self._coefficients.intervals(*exact)
+        """Lower and upper bound of each coefficient, (terms, 2).
+
+        Args:
+            q: a configuration, (positions,), or lower and upper bounds of it, (2, positions).
+        """
+        pairs = np.repeat(q, 2) if q.ndim == 1 else np.ascontiguousarray(q.T).ravel()
+        return self._coefficients.intervals(pairs, np.repeat(self.problem.assembler.p, 2))
 
     @cached_property
     def _indices(self) -> tuple[Whole, Whole, Whole]:

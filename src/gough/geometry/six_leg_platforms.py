@@ -46,7 +46,7 @@ from gough.geometry.six_leg_sections import (
     split,
 )
 from gough.numerics.certificates import Certificates, Verdict, certify
-from gough.numerics.path_tracking import PathEnding, Paths, track_carefully
+from gough.numerics.path_tracking import PathEnding, Paths, track, track_carefully
 
 Mask = NDArray[np.bool_]
 
@@ -79,6 +79,9 @@ LARGEST = 1e100
 MONOMIALS = np.array([*X_PAIRS, *MIXED_PAIRS]).T
 POSE_FORMS = np.ascontiguousarray(FORMS[5:, : MONOMIALS.shape[1]].T)
 """N p and N R by products of two unknowns, (26, 12)."""
+DOUBLE = 1e-7
+"""Proved solutions nearer to each other than this, of length 1, are equal but for rounding of the
+data; a guess: changes of 1e-15 in lengths move double solutions by some 1e-7."""
 NEARLY_REAL = 1e-5
 """Largest imaginary part of an unproved solution, of length 1, that counts as real; a guess."""
 
@@ -96,6 +99,7 @@ class Outcome(Enum):
     """How a path ended; the text is what the user reads."""
 
     proved = "proved"
+    double = "proved, one of those that are equal but for rounding: a singularity of type 2"
     repeated = "proved, but not to differ from one before"
     multiple = "met others at a singular solution: of type 2, or one of a continuum"
     unproved = "at a solution that is not proved"
@@ -104,6 +108,7 @@ class Outcome(Enum):
 
 
 OUTCOMES = tuple(Outcome)
+INFINITE_CODE = OUTCOMES.index(Outcome.infinite)
 
 
 @dataclass(frozen=True)
@@ -128,12 +133,15 @@ class PlatformModes:
     Highest first, then by falling y, x, w and so on; near ties are broken alike each time.
     """
     certified: Mask
-    """Which are proved to exist, alone near this pose, (k,). The others are numerical."""
+    """Which are proved to exist, alone near this pose, (k,).
+
+    The others are numerical, or real only for data that differ by rounding: double solutions.
+    """
     completeness: Completeness
     complex_count: int
     """Distinct finite complex solutions found, multiple ones once."""
     counts: Callable[[], tuple[int, ...]]
-    """Gives what `expected` says."""
+    """Gives the numbers that `SixLegPlatform.expected` says."""
     outcomes: NDArray[np.int8]
     """The place in `OUTCOMES` of each path's, (paths,)."""
     paths: Paths
@@ -142,10 +150,12 @@ class PlatformModes:
     solution: NDArray[np.intp]
     """The row of `certificates` that a pose is from, (k,); -1 for multiple ones."""
     frames: Frames
+    again: bool
+    """Whether paths were in trouble and were tracked again, more carefully."""
 
     @property
     def expected(self) -> tuple[int, ...]:
-        """Numbers of complex solutions of platforms of this class; see `SixLegPlatform`."""
+        """Complex solutions that platforms of this class have; see `SixLegPlatform.expected`."""
         return self.counts()
 
     @property
@@ -280,8 +290,10 @@ class SixLegPlatform:
             How many it has.
         """
         squares = self._legs.squares(_numbers("lengths", lengths, (6,)))
-        start = self._legs.start_set(squares)
         self._prepared = True
+        if self._legs.margin < DEPENDENT:
+            return 0
+        start = self._legs.start_set(squares)
         self._start = start if len(start.x) in self.expected or not self.expected else None
         return len(start.x)
 
@@ -474,14 +486,13 @@ class _Legs:
             lengths = squares + (squares.mean() or 1.0) * change
             start = generic_start()
             c = start.target(self.rows_with(lengths))
-            paths = track_carefully(PATTERN, start.start.entries, c, start.start.x, light=LIGHT)
-            found = StartSet(
-                self.target(lengths).astype(np.complex128), _regular(c, paths, self.expected)
-            )
-            if best is None or len(found.x) > len(best.x):
-                best = found
-            if len(best.x) in self.expected:
-                break
+            for follow in (track, track_carefully):
+                paths = follow(PATTERN, start.start.entries, c, start.start.x, light=LIGHT)
+                x = _regular(c, paths, self.expected)
+                if best is None or len(x) > len(best.x):
+                    best = StartSet(self.target(lengths).astype(np.complex128), x)
+                if len(best.x) in self.expected:
+                    return best
         assert best is not None
         return best
 
@@ -562,16 +573,18 @@ def _closeness(x: Complex) -> Array:
 
 def _solve(section: Section, start: StartSet, target: Complex) -> PlatformModes:
     """Follow all paths from a start set and judge their ends."""
-    paths = track_carefully(PATTERN, start.entries, target, start.x, light=LIGHT)
-    ends = _Ends(section, paths)
+    ends = _Ends(section, track(PATTERN, start.entries, target, start.x, light=LIGHT))
+    if not ends.settled:
+        careful = track_carefully(PATTERN, start.entries, target, start.x, light=LIGHT)
+        ends = max(ends, _Ends(section, careful, again=True), key=lambda e: e.merit)
     return ends.modes()
 
 
 class _Ends:
     """The ends of the paths to one section, judged."""
 
-    def __init__(self, section: Section, paths: Paths) -> None:
-        self.section, self.paths = section, paths
+    def __init__(self, section: Section, paths: Paths, again: bool = False) -> None:
+        self.section, self.paths, self.again = section, paths, again
         arrived = paths.ended(PathEnding.arrived)
         stopped = paths.ended(PathEnding.lost) | paths.ended(PathEnding.step_limit)
         near = arrived | (stopped & (paths.t > NEAR_END))
@@ -588,6 +601,35 @@ class _Ends:
         """Rows at other solutions that are not proved."""
         if not self.complete:
             self._look_closer(arrived, x)
+
+        self.doubles = self._doubles()
+        """Rows of proved solutions that are equal but for rounding."""
+
+    @property
+    def settled(self) -> bool:
+        """Whether no path needs another look."""
+        if self.complete or int(self.distinct.sum()) in self.section.counts():
+            return True
+        ends = self.outcomes()
+        return bool(np.all((ends <= OUTCOMES.index(Outcome.double)) | (ends == INFINITE_CODE)))
+
+    @property
+    def merit(self) -> tuple[int, int]:
+        """What is best is largest: proved solutions, then paths that were not lost."""
+        lost = int(np.sum(self.outcomes() == OUTCOMES.index(Outcome.lost)))
+        return int(self.distinct.sum()), -lost
+
+    def _doubles(self) -> list[NDArray[np.intp]]:
+        """Rows of proved solutions that are real and equal but for rounding, group by group.
+
+        One that is nearly real, but proved not to be, is near its conjugate, listed or not.
+        """
+        found = self.certificates
+        near = np.flatnonzero((np.abs(found.x.imag).max(axis=1) < DOUBLE) & found.proved)
+        if len(near) < 2:
+            return []
+        groups = [near[group] for group in _groups(found.x[near], DOUBLE)]
+        return [g for g in groups if self.distinct[g].sum() > 1 or not found.real[g].all()]
 
     def _all_finite(self) -> bool:
         """Whether x·x differs from 0 at each of the proved solutions.
@@ -613,7 +655,7 @@ class _Ends:
         self.complete = int(self.distinct.sum()) == DEGREE and self._all_finite()
         left = np.flatnonzero(~found.proved[: len(x)] & (self.share >= INFINITE))
         if len(left):
-            groups = _groups(x[left])
+            groups = _groups(x[left], ALIKE)
             self.multiples = [left[g] for g in groups if len(g) > 1]
             single = [left[g[0]] for g in groups if len(g) == 1]
             self.unproved = np.array([k for k in single if arrived[self.tried[k]]], np.intp)
@@ -627,6 +669,8 @@ class _Ends:
         tried[self.share < INFINITE] = codes[Outcome.infinite]
         tried[proved] = codes[Outcome.repeated]
         tried[self.distinct[: len(tried)]] = codes[Outcome.proved]
+        for group in self.doubles:
+            tried[group[group < len(tried)]] = codes[Outcome.double]
         tried[self.unproved] = codes[Outcome.unproved]
         for group in self.multiples:
             tried[group] = codes[Outcome.multiple]
@@ -641,7 +685,7 @@ class _Ends:
         X, solution = found.x[rows].real, rows
         certified = np.ones(len(rows), np.bool_)
         count = int(self.distinct.sum())
-        if not self.complete:
+        if not self.complete or len(self.doubles):
             more, where = self._numerical()
             X, solution = np.concatenate([X, more]), np.concatenate([rows, where])
             certified = np.concatenate([certified, np.zeros(len(more), np.bool_)])
@@ -659,6 +703,7 @@ class _Ends:
             found,
             solution[order],
             section.frames,
+            self.again,
         )
 
     def _completeness(self) -> Completeness:
@@ -671,12 +716,13 @@ class _Ends:
 
     def _numerical(self) -> tuple[Array, NDArray[np.intp]]:
         """Nearly real solutions that are not proved, and their rows; -1 for multiple ones."""
-        ends = self.paths.x[self.tried]
+        ends, found = self.paths.x[self.tried], self.certificates
         x = [_mean(ends[group]) for group in self.multiples]
+        x += [_mean(found.x[group]) for group in self.doubles if not found.real[group].any()]
         where = [-1] * len(x)
-        undecided = (self.certificates.verdict == Verdict.undecided) & self.distinct
+        undecided = (found.verdict == Verdict.undecided) & self.distinct
         for k in [*self.unproved.tolist(), *np.flatnonzero(undecided).tolist()]:
-            x.append(_mean(ends[k : k + 1] if k < len(ends) else self.certificates.x[k : k + 1]))
+            x.append(_mean(ends[k : k + 1] if k < len(ends) else found.x[k : k + 1]))
             where.append(k)
         real = [k for k, z in enumerate(x) if np.abs(z.imag).max() < NEARLY_REAL]
         X = np.array([x[k].real for k in real]).reshape(-1, 8)
@@ -695,9 +741,9 @@ def _joined(first: Certificates, second: Certificates, again: NDArray[np.intp]) 
     return Certificates(*(join(name) for name in ("x", "radius", "reach", "verdict")))
 
 
-def _groups(x: Complex) -> list[NDArray[np.intp]]:
-    """Rows that are alike, in groups."""
-    alike = _closeness(x) < ALIKE
+def _groups(x: Complex, near: float) -> list[NDArray[np.intp]]:
+    """Rows of rays that are near each other, in groups."""
+    alike = _closeness(x) < near
     groups, free = [], np.ones(len(x), np.bool_)
     for k in range(len(x)):
         if free[k]:
@@ -756,6 +802,7 @@ def _nowhere(frames: Frames) -> PlatformModes:
         Certificates(nothing, zero, zero, np.empty(0, np.int8)),
         np.empty(0, np.intp),
         frames,
+        False,
     )
 
 

@@ -176,8 +176,7 @@ _OPERATORS = {
 
 def _overload(symbol: Any, operation: Any) -> None:
     implementation = lambda a, b: operation(a, b)  # noqa: E731
-    lanes = lambda a, b: a == b and isinstance(a, LanesType)  # noqa: E731
-    overload(symbol)(lambda a, b: implementation if lanes(a, b) else None)
+    overload(symbol)(lambda a, b: implementation if a == b and isinstance(a, LanesType) else None)
 
 
 for _symbol, _chosen in _OPERATORS.items():

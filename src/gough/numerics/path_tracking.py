@@ -14,10 +14,10 @@ before its end, and the ends are all isolated solutions if the starts were.
 from __future__ import annotations
 
 import cmath
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields
 from enum import Enum
 from functools import lru_cache
-from typing import Any
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,6 +63,9 @@ CAREFUL = (
 )
 """For paths that ended badly, one after another."""
 
+COLLIDING = 1e-6
+"""Ends nearer than this are the same, or of a double solution."""
+
 
 @dataclass(frozen=True)
 class Paths:
@@ -92,7 +95,7 @@ def track(
     start: ArrayLike,
     target: ArrayLike,
     x0: ArrayLike,
-    settings: Settings = Settings(),  # noqa: B008
+    settings: Settings = Settings(),
     *,
     light: int = 0,
 ) -> Paths:
@@ -140,13 +143,107 @@ def track(
     return found
 
 
+def track_carefully(
+    pattern: Quadratics,
+    start: ArrayLike,
+    target: ArrayLike,
+    x0: ArrayLike,
+    settings: Settings = Settings(),
+    *,
+    light: int = 0,
+    twists: int = 2,
+    seed: int = 0,
+) -> Paths:
+    """As `track`, and again, more carefully, those paths that got lost or that met another's.
+
+    Two paths never end together at a regular point: one has jumped. If trouble stays, all paths
+    are tracked to the same ends another way, where b is multiplied by a phase. The ends are then
+    joined to other starts. What is returned is of one way, the one with the least trouble.
+
+    Args:
+        pattern: the system.
+        start: its coefficients at t = 0, (entries,).
+        target: its coefficients at t = 1, (entries,).
+        x0: a solution at t = 0 for each path, of any norm, (paths, n).
+        settings: of the first try.
+        light: how many of the first unknowns become small together at infinity.
+        twists: other ways to try at most.
+        seed: of the phases.
+
+    Raises:
+        ValueError: an argument has the wrong shape or value; the message names it.
+    """
+    b = _complex("target", target, (len(pattern.rows),))
+    rng = np.random.default_rng(seed)
+    best, least = None, 0
+    for way in range(twists + 1):
+        phase = cmath.exp(2j * cmath.pi * rng.uniform(-0.2, 0.2)) if way else 1.0
+        found = _retracked(pattern, start, phase * b, x0, settings, light)
+        trouble = int(np.sum(_troubled(pattern, b, found, light)))
+        if best is None or trouble < least:
+            best, least = found, trouble
+        if not least:
+            break
+    assert best is not None
+    return best
+
+
+def _retracked(
+    pattern: Quadratics,
+    start: ArrayLike,
+    target: Complex,
+    x0: ArrayLike,
+    settings: Settings,
+    light: int,
+) -> Paths:
+    """Paths of one way, those in trouble with ever more care."""
+    found = track(pattern, start, target, x0, settings, light=light)
+    for careful in CAREFUL:
+        again = np.flatnonzero(_troubled(pattern, target, found, light))
+        if not len(again):
+            break
+        new = track(pattern, start, target, np.asarray(x0)[again], careful, light=light)
+        better = new.ended(PathEnding.arrived) | new.ended(PathEnding.infinite)
+        for name in (field.name for field in fields(Paths)):
+            getattr(found, name)[again[better]] = getattr(new, name)[better]
+    return found
+
+
+def _troubled(pattern: Quadratics, c: Complex, found: Paths, light: int) -> NDArray[np.bool_]:
+    """Which paths are lost, out of steps, or end where another ends."""
+    troubled = found.ended(PathEnding.lost) | found.ended(PathEnding.step_limit)
+    arrived = np.flatnonzero(found.ended(PathEnding.arrived))
+    x = found.x[arrived]
+    cosines = np.abs(x.conj() @ x.T)
+    for i, j in np.argwhere(np.triu(cosines > 1 - COLLIDING**2, 1)):
+        distance = np.linalg.norm(x[j] - x[i] * np.vdot(x[i], x[j]))
+        if distance < COLLIDING and distance < 0.01 * _regularity(pattern, c, x[i], light):
+            troubled[arrived[[i, j]]] = True
+    return troubled
+
+
+def _regularity(pattern: Quadratics, c: Complex, x: Complex, light: int) -> float:
+    """The least singular value of the Jacobian at x over the largest, scaled as in the loops.
+
+    Different solutions are no nearer to each other than about this.
+    """
+    J = np.vstack([pattern.jacobian(c, x), x.conj()[None]])
+    heavy = np.linalg.norm(x[light:])
+    unit = min(1.0, float(np.linalg.norm(x[:light]) / heavy)) if light and heavy else 1.0
+    J[:, :light] *= max(unit, 1e-300)
+    J /= np.maximum(np.linalg.norm(J, axis=1, keepdims=True), 1e-300)
+    s = np.linalg.svd(J, compute_uv=False)
+    return float(s[-1] / s[0])
+
+
 def _run(tables: _Tables, c: Complex, settings: Settings, found: Paths) -> None:
     """Track the paths in place; numba is loaded here."""
+    from gough.numerics import path_equations as equations
     from gough.numerics import path_loops as loops
 
-    reals, whole = loops.room(tables.shape[0], tables.shape[1])
+    reals, whole = equations.room(tables.shape[0], tables.shape[1])
     loops.track_paths_compiled(
-        loops.Shape(*tables.shape),
+        equations.Shape(*tables.shape),
         loops.Rules(
             float(settings.tolerance),
             float(settings.share),
@@ -174,7 +271,7 @@ class _Tables:
     shape: tuple[int, int, int, int]
     """Unknowns, products, squares and light unknowns."""
     arrays: tuple[Whole, ...]
-    """The tables of `path_loops.Pattern`, without the coefficients."""
+    """The tables of `path_equations.Pattern`, without the coefficients."""
 
 
 @lru_cache(maxsize=64)
@@ -195,9 +292,12 @@ def _tables(pattern: Quadratics, light: int) -> _Tables:
     other = np.concatenate([right, left])[order]
     power = np.full(n - 1, 2)
     np.minimum.at(power, rows, (left < light).astype(int) + (right < light))
+    of_row = np.split(product, pattern.starts[1:-1])
+    twin = [np.array_equal(*pair) for pair in pairwise(of_row)] + [False]
     arrays = (
         pattern.starts,
         product,
+        np.array(twin),
         products % (n * n) // n,
         products % n,
         slots,
