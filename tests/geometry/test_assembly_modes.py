@@ -120,12 +120,10 @@ def test_the_3_rrr_with_given_elbows():
     elbows = np.reshape(case["parameters"], (3, 2))
     geometry = case["geometry"]
     legs = [
-        (elbow - [0.5, 0], elbow, m, a)
-        for elbow, m, a in zip(elbows.tolist(), geometry["m"], geometry["a"], strict=True)
+        (np.subtract(elbow, [0.5, 0]), elbow, m, a)
+        for elbow, m, a in zip(elbows, geometry["m"], geometry["a"], strict=True)
     ]
-    robot = planar(
-        "rrr", [(np.subtract(e, [0.5, 0]), e, m, a) for _, e, m, a in legs], ["x", "y", "rz"]
-    )
+    robot = planar("rrr", legs, ["x", "y", "rz"])
     modes = robot.assembly_modes(np.zeros(3))
     x, y, angle = modes.x.T
     expected = np.array(case["solutions"])[:, :4]
@@ -281,7 +279,6 @@ def test_units_do_not_matter():
 
 
 def test_unreachable_motors_have_no_mode():
-    modes = gough.load("five-bar", d=5).assembly_modes([0.0, np.pi]) if False else None
     robot = gough.load("five-bar")
     modes = robot.assembly_modes([np.pi, 0.0])
     assert len(modes) == 0

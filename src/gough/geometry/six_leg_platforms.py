@@ -11,7 +11,8 @@ the one asked for (`six_leg_sections`), and each is proved by an argument of New
 (`numerics.certificates`; Breiding, Rose and Timme 2020 for a like one). Where 40 distinct solutions
 are proved, no other can exist.
 
-Lengths have any one unit; it is also that of the results.
+Lengths have any one unit; it is also that of the results. Platforms further away than about a
+thousand times the size of their points count as infinitely far and are not found.
 """
 
 from __future__ import annotations
@@ -276,10 +277,10 @@ class SixLegPlatform:
             self.prepare(self._lengths)
         self._lengths = L
         section = legs.section(L, squares)
-        if self._start is None:
-            start = generic_start()
-            return _solve(section, start.start, start.target(legs.rows_with(squares)))
-        return _solve(section, self._start, legs.target(squares).astype(np.complex128))
+        routes = [_from_generic(legs.rows_with(squares))]
+        if self._start is not None:
+            routes.insert(0, (self._start, lambda: legs.target(squares).astype(np.complex128)))
+        return _solve(section, routes)
 
     def prepare(self, lengths: ArrayLike) -> int:
         """Make the start set of this platform, best for lengths about like these.
@@ -350,8 +351,7 @@ class SixConditions:
             tuple,
             frames,
         )
-        start = generic_start()
-        return _solve(section, start.start, start.target(rows))
+        return _solve(section, [_from_generic(rows)])
 
 
 def _without_y(rows: NDArray[Any], weights: NDArray[Any], sign: int) -> NDArray[Any]:
@@ -571,13 +571,30 @@ def _closeness(x: Complex) -> Array:
     return np.asarray(np.linalg.norm(across, axis=2))
 
 
-def _solve(section: Section, start: StartSet, target: Complex) -> PlatformModes:
-    """Follow all paths from a start set and judge their ends."""
-    ends = _Ends(section, track(PATTERN, start.entries, target, start.x, light=LIGHT))
-    if not ends.settled:
-        careful = track_carefully(PATTERN, start.entries, target, start.x, light=LIGHT)
-        ends = max(ends, _Ends(section, careful, again=True), key=lambda e: e.merit)
-    return ends.modes()
+Route = tuple[StartSet, Callable[[], Complex]]
+"""Where paths start, and what gives the coefficients of their ends."""
+
+
+def _from_generic(rows: NDArray[np.number]) -> Route:
+    """The route to rows (6, 17) from the section that comes with the package."""
+    start = generic_start()
+    return start.start, lambda: start.target(rows)
+
+
+def _solve(section: Section, routes: list[Route]) -> PlatformModes:
+    """Follow all paths and judge their ends, by other routes and with more care as needed."""
+    best: _Ends | None = None
+    for follow, (start, target) in [
+        *((track, route) for route in routes),
+        (track_carefully, routes[-1]),
+    ]:
+        paths = follow(PATTERN, start.entries, target(), start.x, light=LIGHT)
+        ends = _Ends(section, paths, again=best is not None)
+        best = ends if best is None else max(best, ends, key=lambda e: e.merit)
+        if best.settled:
+            break
+    assert best is not None
+    return best.modes()
 
 
 class _Ends:
@@ -646,11 +663,15 @@ class _Ends:
         section, found = self.section, self.certificates
         finite = (self.share >= INFINITE) | (DEGREE in section.counts())
         again = np.flatnonzero(~found.proved & finite & arrived[self.tried])
-        lone = np.flatnonzero(found.lone)
-        if len(again) or len(lone):
-            more = np.concatenate([x[again], found.x[lone].conj()])
-            second = certify(PATTERN, section.proof, section.errors, more, section.exact)
+        if len(again):
+            second = certify(PATTERN, section.proof, section.errors, x[again], section.exact)
             found = _joined(found, second, again)
+        lone = np.flatnonzero(found.lone)
+        if len(lone):
+            # a conjugate is a solution too
+            others = found.x[lone].conj()
+            third = certify(PATTERN, section.proof, section.errors, others, section.exact)
+            found = _joined(found, third, lone[:0])
         self.certificates, self.distinct = found, found.distinct
         self.complete = int(self.distinct.sum()) == DEGREE and self._all_finite()
         left = np.flatnonzero(~found.proved[: len(x)] & (self.share >= INFINITE))

@@ -32,6 +32,10 @@ class Quadratics:
     """The second factor, not before the first, (entries,). No entry of a row stands twice."""
 
     def __post_init__(self) -> None:
+        for name in ("rows", "left", "right"):
+            # compiled loops read these as they stand
+            values = np.require(getattr(self, name), np.int64, ["C", "A", "W"])
+            object.__setattr__(self, name, values)
         assert np.all(np.diff(self.rows) >= 0)
         assert np.all(self.left <= self.right)
 
