@@ -146,3 +146,21 @@ def test_constraints_have_the_rows_of_their_names():
     a = numbers(transform(random_frame(np.random.default_rng(5)), {}))
     counts = {name: len(part.rows(a, a)) for name, part in CONSTRAINTS.items()}
     assert counts == {"points-coincide": 3, "directions-parallel": 2, "frames-coincide": 6}
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: f"{kind.name}-{kind.freedoms}")
+def test_measuring_undoes_placing(kind):
+    rng = np.random.default_rng(5)
+    dimensions = DIMENSIONS.get(kind.name, {})
+    q = rng.uniform(-1.5, 1.5, size=(20, kind.coordinates))
+    if kind.coordinates > kind.freedoms:
+        q[:, -4:] /= np.linalg.norm(q[:, -4:], axis=1, keepdims=True)
+        q[:, -4:] *= np.where(q[:, -4:-3] < 0, -1, 1)
+    T = np.tile(np.eye(4), (20, 1, 1))
+    for row, position in zip(T, q.tolist(), strict=True):
+        R, p = kind.placement(position, dimensions)
+        row[:3, :3], row[:3, 3] = R, p
+    measured = kind.measured(T, dimensions)
+    if kind.coordinates > kind.freedoms:
+        measured[:, -4:] *= np.where(measured[:, -4:-3] < 0, -1, 1)
+    np.testing.assert_allclose(measured, q, atol=1e-12)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from itertools import product
+from math import prod
 from typing import Any
 
 import casadi
@@ -249,17 +250,29 @@ class InverseGeometry:
                 default, (positions,) or (*batch, positions).
             threads: see `numerics.batch_newton`.
         """
-        near = self.home if near is None else np.asarray(near, dtype=float)
         x = self.checked(x)
-        rows = x.reshape(-1, x.shape[-1])
-        starts = np.broadcast_to(near, (*x.shape[:-1], len(self.home))).reshape(len(rows), -1)
+        starts = self._starts(near, x.shape[:-1])
+        rows = x.reshape(len(starts), x.shape[-1])
         if self.closed_form:
-            q, ending, reasons = self._in_closed_form(rows, np.array(starts))
+            q, ending, reasons = self._in_closed_form(rows, starts)
         else:
-            q, ending, reasons = self._by_steps(rows, np.array(starts), threads)
+            q, ending, reasons = self._by_steps(rows, starts, threads)
         return InverseSolution(
-            q.reshape(*x.shape[:-1], -1), ending.reshape(x.shape[:-1]), tuple(reasons)
+            q.reshape(*x.shape[:-1], len(self.home)), ending.reshape(x.shape[:-1]), tuple(reasons)
         )
+
+    def _starts(self, near: ArrayLike | None, batch: tuple[int, ...]) -> Array:
+        """A configuration for each row of a batch, (rows, positions)."""
+        given = self.home if near is None else np.asarray(near, dtype=float)
+        n = len(self.home)
+        try:
+            starts = np.broadcast_to(given, (*batch, n))
+        except ValueError:
+            raise ConfigurationError(
+                f"near has shape {given.shape}, expected (..., {n}): a configuration, "
+                "all joint positions"
+            ) from None
+        return np.array(starts.reshape(prod(batch), n))
 
     def checked(self, x: ArrayLike) -> Array:
         """Operational coordinates as an array, quaternions of length 1."""
@@ -280,8 +293,9 @@ class InverseGeometry:
         self, x: Array, near: Array, signs: Array | None = None
     ) -> tuple[Array, NDArray[np.int8], list[str]]:
         if signs is None:
-            base = near if np.any(near != near[0]) else near[:1]
-            signs = np.array([self.signs(q) for q in base])
+            base = near if np.any(near != near[:1]) else near[:1]
+            count = len(self.branches.branches) if self.branches else 0
+            signs = np.array([self.signs(q) for q in base]).reshape(len(base), count)
         start = self.coordinates.put(near, x)
         signs = np.broadcast_to(signs, (len(x), signs.shape[-1])).astype(float)
         unknowns, parts = self._parted(self._kernel(start, self.assembler.p, signs))
@@ -344,7 +358,7 @@ class InverseGeometry:
                 f"the legs of {self.models.structure.mechanism.name} have no closed form that is "
                 "known here; inverse_geometry follows one working mode"
             )
-        near = self.home if near is None else near
+        near = self._starts(near, ())[0]
         x = self.checked(x)
         if x.ndim != 1:
             raise ConfigurationError(f"x has shape {x.shape}, expected one pose")
