@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,8 @@ from gough.models import CLOSURE_MODELS, Models
 from gough.topology import Modelling, Role, Structure
 
 if TYPE_CHECKING:
+    import xarray
+
     from gough.geometry.assembly_modes import AssemblyModes, DirectProblem
     from gough.geometry.direct import DirectGeometry
     from gough.geometry.inverse import InverseGeometry, InverseSolution, WorkingModes
@@ -248,6 +250,30 @@ class Robot:
             OutOfReach: a leg does not reach.
         """
         return self.kinematics.jacobian(self.inverse_geometry(x, near))
+
+    def workspace_map(
+        self,
+        measures: Sequence[str] = ("conditioning", "velocity_factors"),
+        **axes: ArrayLike,
+    ) -> xarray.Dataset:
+        """Measures over a grid of operational coordinates, on the working mode of home.
+
+        Args:
+            measures: names from `gough.geometry.maps.MEASURES`.
+            axes: for each output, by its name, the positions of the grid (n,), or one number; m and
+                rad. With six freedoms rx, ry, rz are the entries of the rotation vector.
+
+        Raises:
+            UnknownName: an axis is no output, or a measure does not exist.
+            ConfigurationError: an output has no axis, or an axis is no list of finite numbers.
+        """
+        from gough.geometry.maps import workspace_map
+
+        def inverse(x: Array) -> tuple[Array, NDArray[np.bool_]]:
+            found = self.reach(x)
+            return found.q, found.reached
+
+        return workspace_map(self.kinematics, inverse, measures, **axes)
 
     # programs
 

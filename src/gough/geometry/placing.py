@@ -179,15 +179,15 @@ class Placing:
             if ("turned", k) in data:
                 turns[k] = data["turned", k]
             elif k in self.natural.stretched and family.axis is not None:
-                turns[k] = self._stretched_about_axis(data, k, before)
+                turns[k] = self._stretched_about_axis(data, k)
             elif k in self.natural.stretched or ("own", k) in data:
                 waiting.append(k)
             else:
                 turns[k] = before
         while waiting:
             ready = [k for k in waiting if self._spin_partner(k) in (*turns, None)]
-            assert ready, "spins depend on each other"
-            for k in ready:
+            # of spins that depend on each other the first is free; if wrong, loops stay open
+            for k in ready or waiting[:1]:
                 turns[k] = self._spun(data, k, turns, reference)
                 waiting.remove(k)
         return [turns[k] for k in range(len(self.natural.families))]
@@ -198,33 +198,31 @@ class Placing:
         turn = np.stack([c, -s, o, s, c, o, o, o, i], axis=-1).reshape(*angle.shape, 3, 3)
         return np.asarray(data["near", k] @ turn @ _transposed(data["far", k]))
 
-    def _stretch(self, data: Mapping[Any, Array], k: int, before: Array) -> tuple[Array, Array]:
+    def _stretch(self, data: Mapping[Any, Array], k: int) -> tuple[Array, Array]:
         """Direction of a slide in class axes, and in base axes from the points it holds apart."""
         link = self.natural.stretched[k]
         ends = [data["position", self.natural.cluster(link, end).name] for end in (0, 1)]
-        own = data["own", k]
-        there = _unit(ends[1] - ends[0])
-        sign = np.sign(self._stretch_sign(link))
-        return own, there * sign
+        return data["own", k], _unit(ends[1] - ends[0]) * self._stretch_signs[k]
 
-    def _stretch_sign(self, link: Link) -> float:
-        """Whether a slide holds its ends apart along its axis or against it, at home."""
-        poses = self._base_poses(self.problem.home[None])
-        a, b = (self.natural.cluster(link, end) for end in (0, 1))
-        at_home = self._data(
-            self.problem.home[None],
-            np.zeros((1, len(self.problem.left))),
-            np.ones((1, len(self.natural.flips))),
-        )
-        ends = [
-            (poses[c.name] @ np.append(at_home["reference", c.name][0], 1.0))[0, :3] for c in (a, b)
-        ]
-        R = poses[a.name][0, :3, :3] @ at_home["turn", a.name][0].T
-        z = R @ at_home["own", self.natural.clusters[self.natural.clusters.index(a)].family][0]
-        return float((ends[1] - ends[0]) @ z)
+    @cached_property
+    def _stretch_signs(self) -> dict[int, float]:
+        """1 where a slide holds its ends apart along its axis at home, -1 where against it."""
+        home = self.problem.home[None]
+        poses = self._base_poses(home)
+        left, flips = len(self.problem.left), len(self.natural.flips)
+        data = self._data(home, np.zeros((1, left)), np.ones((1, flips)))
+        signs = {}
+        for k, link in self.natural.stretched.items():
+            a, b = (self.natural.cluster(link, end) for end in (0, 1))
+            ends = [poses[c.name][0] @ np.append(data["reference", c.name][0], 1.0) for c in (a, b)]
+            R = poses[a.name][0, :3, :3] @ data["turn", a.name][0].T
+            along = (ends[1] - ends[0])[:3] @ (R @ data["own", k][0])
+            signs[k] = 1.0 if along >= 0 else -1.0
+        return signs
 
-    def _stretched_about_axis(self, data: Mapping[Any, Array], k: int, before: Array) -> Array:
-        own, there = self._stretch(data, k, before)
+    def _stretched_about_axis(self, data: Mapping[Any, Array], k: int) -> Array:
+        """Orientation of a class with a slide that turns about a known axis."""
+        own, there = self._stretch(data, k)
         x0, y0, _ = np.moveaxis(_applied(_transposed(data["far", k]), own), -1, 0)
         x1, y1, _ = np.moveaxis(_applied(_transposed(data["near", k]), there), -1, 0)
         return self._about(data, k, np.arctan2(y1, x1) - np.arctan2(y0, x0))
@@ -251,11 +249,11 @@ class Placing:
         """Orientation of a class from its only vector and the joint that tells its spin."""
         before = reference[self.natural.families[k].name][..., :3, :3]
         if k in self.natural.stretched:
-            own, there = self._stretch(data, k, before)
+            own, there = self._stretch(data, k)
         else:
             own, there = _unit(data["own", k]), _unit(data["there", k])
         found = self._spin_link(k)
-        if found is None:
+        if found is None or self._spin_partner(k) not in turns:
             return np.asarray(_shortest(_applied(before, own), there) @ before)
         link, end = found
         partner = self.natural.cluster(link, 1 - end).family

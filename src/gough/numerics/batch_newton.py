@@ -7,14 +7,13 @@ whatever the other rows, their order and the number of threads.
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough.numerics import newton
+from gough.numerics.batches import check_whole, in_parts, reals, workers
 from gough.numerics.newton import Ending
 
 Array = NDArray[np.float64]
@@ -25,8 +24,6 @@ TRIES = 30
 """Ever more damped steps from one point before it counts as the closest."""
 PAYS_FROM = 1_000_000
 """Rows times m n min(m, n) from which threads pay: some milliseconds of work; a guess."""
-PARTS_PER_THREAD = 8
-"""Parts of a batch per thread, so that a part with hard rows does not hold up the end."""
 
 
 @dataclass(frozen=True)
@@ -85,38 +82,38 @@ def solve_batch(
     Raises:
         ValueError: an argument has the wrong shape or value; the message names it.
     """
-    for name, count in (("equations", equations), ("max_steps", max_steps)):
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 0:
-            raise ValueError(f"{name} is {count!r}, expected a whole number from 0 up")
-    x = _reals("x0", x0, ("rows", "n"))
+    check_whole("equations", equations)
+    check_whole("max_steps", max_steps)
+    x = reals("x0", x0, ("rows", "n"))
     rows, n = x.shape
     parameters = _parameters(p, rows)
     if retraction and x_scale is None:
         raise ValueError("x_scale is None, expected shape (v,): a retraction is given")
-    rates = _reals("x_scale", np.ones(n) if x_scale is None else x_scale, ("v",))
+    rates = reals("x_scale", np.ones(n) if x_scale is None else x_scale, ("v",))
     if not retraction and rates.shape != (n,):
         raise ValueError(f"x_scale has shape {rates.shape}, expected {(n,)}")
-    scale = _reals("row_scale", np.ones(equations) if row_scale is None else row_scale, ("m",))
+    scale = reals("row_scale", np.ones(equations) if row_scale is None else row_scale, ("m",))
     if scale.shape != (equations,):
         raise ValueError(f"row_scale has shape {scale.shape}, expected {(equations,)}")
     found = BatchSolution(
         x.copy(), np.zeros(rows), np.zeros(rows, np.int8), np.zeros(rows, np.int64)
     )
-    borders = _borders(rows, equations * len(rates) * min(equations, len(rates)), threads)
+    numbers = rows * equations * len(rates) * min(equations, len(rates))
+    sharing = workers(numbers >= PAYS_FROM, threads)
     if rows and equations:
         kernels = (residual, jacobian, retraction)
-        _run(kernels, (tolerance, max_steps), borders, (parameters, scale, rates), found)
+        _run(kernels, (tolerance, max_steps), sharing, (parameters, scale, rates), found)
     return found
 
 
 def _run(
     kernels: tuple[int, int, int],
     limits: tuple[float, int],
-    borders: _Borders,
+    threads: int,
     data: tuple[Array, Array, Array],
     found: BatchSolution,
 ) -> None:
-    """Solve the stretches of rows between borders in place; numba is loaded here."""
+    """Solve the rows in place; numba is loaded here."""
     from gough.numerics import newton_loops as loops
 
     p, row_scale, x_scale = data
@@ -148,55 +145,14 @@ def _run(
             np.zeros(whole, np.int64),
         )
 
-    if borders.threads == 1:
-        solve(0, len(found.x))
-        return
-    with ThreadPoolExecutor(borders.threads) as pool:
-        for job in [pool.submit(solve, *stretch) for stretch in borders.stretches]:
-            job.result()
-
-
-@dataclass(frozen=True)
-class _Borders:
-    threads: int
-    stretches: list[tuple[int, int]]
-
-
-def _borders(rows: int, weight: int, threads: int | None) -> _Borders:
-    """How a batch is cut into stretches of rows."""
-    if threads is None:
-        threads = _cores() if rows * weight >= PAYS_FROM else 1
-    elif isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise ValueError(f"threads is {threads!r}, expected a whole number from 1 up, or None")
-    threads = max(1, min(int(threads), rows))
-    places = np.linspace(0, rows, min(threads * PARTS_PER_THREAD, max(rows, 1)) + 1).astype(int)
-    return _Borders(threads, list(zip(places[:-1].tolist(), places[1:].tolist(), strict=True)))
-
-
-def _cores() -> int:
-    """Cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    in_parts(solve, len(found.x), threads)
 
 
 def _parameters(p: ArrayLike, rows: int) -> Array:
     """(rows, k), or (1, k) if all rows have the same."""
     values = np.asarray(p)
     if values.ndim == 1:
-        return _reals("p", values[None], ("1", "k"))
+        return reals("p", values[None], ("1", "k"))
     if values.ndim != 2 or values.shape[0] != rows:
         raise ValueError(f"p has shape {values.shape}, expected ({rows}, k) or (k,)")
-    return _reals("p", values, ("rows", "k"))
-
-
-def _reals(name: str, given: ArrayLike, shape: tuple[str, ...]) -> Array:
-    """An array of float64 that compiled loops may read as it stands."""
-    values = np.asarray(given)
-    expected = f"({', '.join(shape)}{',' if len(shape) == 1 else ''})"
-    if values.ndim != len(shape):
-        raise ValueError(f"{name} has shape {values.shape}, expected {expected}")
-    if not np.can_cast(values.dtype, np.float64, "same_kind"):
-        raise ValueError(f"{name} holds {values.dtype}, expected real numbers")
-    # one type for numba: in order, aligned and, though never written, writeable
-    return np.require(values, np.float64, ["C", "A", "W"])
+    return reals("p", values, ("rows", "k"))

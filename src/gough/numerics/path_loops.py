@@ -41,14 +41,15 @@ ROUNDING = 1e-10
 FINISHED = 1e-14
 """Estimated error at which an end needs no more corrections."""
 SHARP = 1e-10
-"""Last correction of a regular end."""
+"""Estimated error of a regular end."""
 BLURRED = 1e-6
-"""Last correction of an end that still counts: of a double root, half of the digits; a guess."""
+"""The same of an end that still counts: of a double root, half of the digits; a guess."""
 LAST_GAP = 1e-9
 """So close to the end steps may arrive at a singular point, where corrections only halve."""
 POLISHES = 3
 """Turns spent on an end."""
-NEAR_END = 0.0
+NEAR_END = 0.999
+"""A path that stops behind this may have run to infinity; a guess."""
 FAR = 1e-7
 """Light part of a point at infinity, where the path arrived; a guess."""
 FAR_ASTRAY = 1e-3
@@ -113,29 +114,48 @@ def is_good(lanes: Lanes, lane: int, rules: Rules) -> bool:
 
 
 @part
+def error(lanes: Lanes, lane: int) -> float:
+    """The squared size that a third correction would have, by the ratio of the first two."""
+    first: float = lanes.first[lane]
+    second: float = lanes.second[lane]
+    return second * (second / first) if second < first else second
+
+
+@part
 def judge(lanes: Lanes, lane: int, rules: Rules) -> int:
     """Take or refuse the point of a lane; how its path ended or RUNNING."""
     lanes.accepted[lane] = 0.0
     if lanes.path[lane] < 0:
         return RUNNING
-    first, second = lanes.first[lane], lanes.second[lane]
-    polished = lanes.held_t[lane] == 1.0
     if is_good(lanes, lane, rules):
         lanes.accepted[lane] = 1.0
         if lanes.shortened[lane] == 0.0:
             return LOST
         if lanes.t[lane] == 1.0:
-            lanes.polishes[lane] += 1
-            exact = second * second <= FINISHED * FINISHED * first
-            if exact or lanes.polishes[lane] >= POLISHES:
-                return ARRIVED if second <= BLURRED * BLURRED else LOST
+            return polished(lanes, lane)
         return STEP_LIMIT if lanes.steps[lane] >= rules.max_steps else RUNNING
-    if polished:
-        return ARRIVED if second <= BLURRED * BLURRED else LOST
+    if lanes.held_t[lane] == 1.0:
+        return ARRIVED if error(lanes, lane) <= BLURRED * BLURRED else LOST
+    return refused(lanes, lane, rules)
+
+
+@part
+def polished(lanes: Lanes, lane: int) -> int:
+    """How the path of a lane ended whose point at t = 1 was taken, or RUNNING for another turn."""
+    lanes.polishes[lane] += 1
+    left = error(lanes, lane)
+    if left > FINISHED * FINISHED and lanes.polishes[lane] < POLISHES:
+        return RUNNING
+    return ARRIVED if left <= BLURRED * BLURRED else LOST
+
+
+@part
+def refused(lanes: Lanes, lane: int, rules: Rules) -> int:
+    """Shorten the next step of a lane; how its path ended or RUNNING."""
     lanes.rejected[lane] += 1
     lanes.shortened[lane] *= 0.5
     if not lanes.t[lane] - lanes.held_t[lane] >= rules.smallest:
-        finite = first < math.inf or lanes.steps[lane] > 0
+        finite = lanes.first[lane] < math.inf or lanes.steps[lane] > 0
         return LOST if finite else NOT_FINITE
     tried = lanes.steps[lane] + lanes.rejected[lane]
     return STEP_LIMIT if tried >= rules.max_steps else RUNNING
@@ -165,7 +185,7 @@ def far_out(lanes: Lanes, lane: int, ending: int, shape: Shape) -> bool:
         total += r * r + i * i
         if j < shape.light:
             light = total
-    sharp = ending == ARRIVED and lanes.second[lane] <= SHARP * SHARP
+    sharp = ending == ARRIVED and error(lanes, lane) <= SHARP * SHARP
     limit = FAR if sharp else FAR_ASTRAY
     return light <= limit * limit * total
 
@@ -182,7 +202,7 @@ def release(lanes: Lanes, lane: int, ending: int, shape: Shape, paths: Paths) ->
         paths.x[2 * (path * shape.n + j)] = lanes.held[STRIDE * j + lane] / size
         paths.x[2 * (path * shape.n + j) + 1] = lanes.held[STRIDE * j + EIGHT + lane] / size
     paths.t[path] = lanes.held_t[lane]
-    paths.correction[path] = math.sqrt(lanes.second[lane])
+    paths.correction[path] = math.sqrt(error(lanes, lane))
     paths.ending[path] = INFINITE if far_out(lanes, lane, ending, shape) else ending
     paths.steps[path] = lanes.steps[lane]
     paths.rejected[path] = lanes.rejected[lane]
@@ -273,44 +293,38 @@ def step(lanes: Lanes, shape: Shape, rules: Rules) -> None:
         put(lanes.x, j, where_same(h, nothing, fetch(lanes.S, SERIES * j), x))
 
 
-@part
-def track_paths(
-    shape: Shape, rules: Rules, starts: Any, product: Any, twin: Any, left: Any, right: Any,
-    slots: Any, entry: Any, other: Any, power: Any, c: Any, x: Any, t: Any, correction: Any,
-    ending: Any, steps: Any, rejected: Any, reals: Any, whole: Any,
-) -> None:  # fmt: skip
-    """Track all paths in place; arrays as in `Pattern` and `Paths`, and room to work in."""
-    pattern = Pattern(
-        pointer_to(starts, 0), pointer_to(product, 0), pointer_to(twin, 0), pointer_to(left, 0),
-        pointer_to(right, 0), pointer_to(slots, 0), pointer_to(entry, 0), pointer_to(other, 0),
-        pointer_to(power, 0), pointer_to(c, 0),
-    )  # fmt: skip
-    paths = Paths(
-        pointer_to(x, 0), pointer_to(t, 0), pointer_to(correction, 0), pointer_to(ending, 0),
-        pointer_to(steps, 0), pointer_to(rejected, 0), len(t),
-    )  # fmt: skip
-    lanes = new_lanes(shape, reals, whole)
-    for lane in range(EIGHT):
-        enter(lanes, lane, lane, shape, paths)
-    active = min(EIGHT, paths.total)
-    waiting = active
-    while active:
-        correct(lanes, shape, pattern)
-        waiting, active = settle(lanes, waiting, active, shape, paths, rules)
-        expand(lanes, shape, pattern)
-        step(lanes, shape, rules)
-
-
 def _loop() -> Any:
     sources = digest()
 
     @compiled
-    def loop(*arguments: Any) -> None:
+    def track_paths(
+        shape: Shape, rules: Rules, starts: Any, product: Any, twin: Any, left: Any, right: Any,
+        slots: Any, entry: Any, other: Any, power: Any, c: Any, x: Any, t: Any, correction: Any,
+        ending: Any, steps: Any, rejected: Any, reals: Any, whole: Any,
+    ) -> None:  # fmt: skip
         assert sources  # so that it is in the key under which numba keeps the code
-        track_paths(*arguments)
+        pattern = Pattern(
+            pointer_to(starts, 0), pointer_to(product, 0), pointer_to(twin, 0),
+            pointer_to(left, 0), pointer_to(right, 0), pointer_to(slots, 0), pointer_to(entry, 0),
+            pointer_to(other, 0), pointer_to(power, 0), pointer_to(c, 0),
+        )  # fmt: skip
+        paths = Paths(
+            pointer_to(x, 0), pointer_to(t, 0), pointer_to(correction, 0), pointer_to(ending, 0),
+            pointer_to(steps, 0), pointer_to(rejected, 0), len(t),
+        )  # fmt: skip
+        lanes = new_lanes(shape, reals, whole)
+        for lane in range(EIGHT):
+            enter(lanes, lane, lane, shape, paths)
+        active = min(EIGHT, paths.total)
+        waiting = active
+        while active:
+            correct(lanes, shape, pattern)
+            waiting, active = settle(lanes, waiting, active, shape, paths, rules)
+            expand(lanes, shape, pattern)
+            step(lanes, shape, rules)
 
-    return loop
+    return track_paths
 
 
-track_paths_compiled = _loop()
-"""`track_paths` as machine code."""
+track_paths = _loop()
+"""Track all paths in place; arrays as in `Pattern` and `Paths`, and room to work in."""

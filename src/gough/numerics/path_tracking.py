@@ -82,8 +82,8 @@ class Paths:
     rejected: Whole
     """Steps refused and tried shorter, (paths,)."""
     correction: Array
-    """Size of the last correction, (paths,): of the order of rounding at regular ends, but about
-    half as many digits at double solutions."""
+    """Estimated size that one more correction would have, (paths,): of the order of rounding at
+    regular ends, but half as many digits at double solutions."""
 
     def ended(self, ending: PathEnding) -> NDArray[np.bool_]:
         """Which paths ended so."""
@@ -108,8 +108,8 @@ def track(
     product of only one, the second if all its products are of light unknowns. Apart from this,
     rows of comparable size are up to the caller.
 
-    A path is infinite when its light part has become less than 1e-7 of it, or less than 1e-3 with
-    t > 0.9 where it stopped or where the end is singular.
+    A path is infinite when its light part is less than 1e-7 of it at a regular end, or less than
+    1e-3 at a singular end or where it stopped with t > 0.999.
 
     Args:
         pattern: the system.
@@ -242,7 +242,7 @@ def _run(tables: _Tables, c: Complex, settings: Settings, found: Paths) -> None:
     from gough.numerics import path_loops as loops
 
     reals, whole = equations.room(tables.shape[0], tables.shape[1])
-    loops.track_paths_compiled(
+    loops.track_paths(
         equations.Shape(*tables.shape),
         loops.Rules(
             float(settings.tolerance),

@@ -1,26 +1,40 @@
 """Newton steps made by one kernel, for many rows (x, a) at once or for one.
 
 A step kernel is machine code (`calling` says how it is called) of inputs x (n), a (k), p (m) and
-output (n + 2): the point that a full Newton step from x leads to, the gap max |r(x)| before the
-step, and a number d(x) like the determinant of the Jacobian, which changes its sign where the
-Jacobian is singular. Where an equation or its derivative is not finite, the gap or d must not be.
+output (n + 3): the point that a full Newton step from x leads to; a gap |r(x)| before the step; a
+number d(x) like the determinant of the Jacobian, which changes its sign where the Jacobian is
+singular; and the length of the step, in a unit in which all numbers of x compare. Where an equation
+or its derivative is not finite, the gap or d must not be: a norm of all equations is safe, a
+largest number may lose a NaN.
 
-A row takes steps until its gap is within tolerance. It never leaves the side of the singularity on
-which it starts: if a step leads across, the row ends there. No step is damped, so starts must be
-near; `batch_newton` is for starts that are not. A row's numbers are the same bits whatever the
-other rows, their order and the number of threads, and the same as those of a `Stepper`.
+A row takes steps until its gap is within tolerance. No step is damped, so starts must be near
+(`batch_newton` is for starts that are not), and two guards end a row that might reach a solution
+other than the one that belongs to its start:
+
+- it never leaves the side of the singularity on which it starts;
+- each step must be a quarter as long as the one before, or less. Where this holds from the first
+  step on, the start is inside a ball in which the solution is alone (Deuflhard 2004, 2.1: the ratio
+  of the first two steps estimates half of Kantorovich's number). To first order that number is
+  proportional to the change of the data that the start comes from, so that the straight way
+  between them passes too: the solution is the one that following the way in small steps leads to.
+  The test costs nothing at later steps, and there it sees what the estimate of the first has
+  missed.
+
+A row's numbers are the same bits whatever the other rows, their order and the number of threads,
+and the same as those of a `Stepper`.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from gough.numerics.batches import check_whole, in_parts, reals, workers
 
 Array = NDArray[np.float64]
 
@@ -28,10 +42,13 @@ MAX_STEPS = 12
 """Steps that converge at all need about half of these; a guess."""
 GROWTHS = 3
 """So many times on end the gap may grow; a guess. After a long first step it may once or twice."""
+CONTRACTION = 0.25
+"""Longest step, in steps before, of a row that is near enough: Kantorovich's number is 1/2."""
+NOTHING = 1e-7
+"""Steps up to this may be followed by any other: rounding is all there is. It is far above rounding
+unless the Jacobian's condition is beyond 1e8."""
 PAYS_FROM = 300_000
 """Rows times n from which threads pay: some milliseconds of work; a guess."""
-PARTS_PER_THREAD = 8
-"""Parts of a batch per thread, so that a part with hard rows does not hold up the end."""
 
 
 class StepEnding(Enum):
@@ -40,12 +57,33 @@ class StepEnding(Enum):
     closed = "every loop closes within tolerance"
     crossed = "a step led across a type 2 singularity: start nearer, or farther from it"
     not_finite = "the equations have no finite value at the start or where a step led"
+    far = "steps shrink too little to belong to one solution: start nearer"
     diverged = "the gap grew step by step: start nearer; there may be no solution"
     step_limit = "the gap was above tolerance when the steps ran out"
 
 
 ENDINGS = tuple(StepEnding)
 """The ending of each code."""
+
+
+class Code(Protocol):
+    """Where the machine code of a kernel is; both variants give the same bits."""
+
+    @property
+    def wide(self) -> int:
+        """Address of code that takes several rows at a time."""
+
+    @property
+    def scalar(self) -> int:
+        """Address of code that takes one."""
+
+
+class StepKernel(Protocol):
+    """What owns the code of a step kernel: it lives as long as this."""
+
+    @property
+    def addresses(self) -> Code:
+        """Its code."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +97,7 @@ class Stepped:
     x: Array
     """(rows, n)."""
     gap: Array
-    """max |r| there, (rows,); infinite where it is not finite at the start, which then is x."""
+    """|r| there, (rows,); infinite where it is not finite at the start, which then is x."""
     ending: NDArray[np.int8]
     """How each row ended: its place in `ENDINGS`, (rows,)."""
     steps: NDArray[np.int64]
@@ -71,21 +109,20 @@ class Stepped:
 
 
 def step_batch(
-    wide_address: int,
-    scalar_address: int,
+    kernel: StepKernel,
     x0: ArrayLike,
     a: ArrayLike,
     p: ArrayLike,
     tolerance: float = 1e-12,
     max_steps: int = MAX_STEPS,
     threads: int | None = None,
+    *,
+    contraction: float = CONTRACTION,
 ) -> Stepped:
     """Solve r(x; a, p) = 0 from each start.
 
     Args:
-        wide_address: of a step kernel that takes several rows at a time; its owner must live until
-            this returns.
-        scalar_address: of the same for one row; it must give the same bits.
+        kernel: makes the steps.
         x0: starts, (rows, n), n from 1 up.
         a: what each row has for itself, (rows, k).
         p: what all rows share, (m,).
@@ -93,42 +130,46 @@ def step_batch(
         max_steps: steps before giving up.
         threads: how many work on it; all cores for large batches by default. Results do not
             depend on it.
+        contraction: longest step, in steps before, of a row that goes on; infinite for any.
 
     Raises:
         ValueError: an argument has the wrong shape or value; the message names it.
     """
-    x, own, shared = (_reals(*named) for named in (("x0", x0, 2), ("a", a, 2), ("p", p, 1)))
-    _check_steps(max_steps)
+    x, own = reals("x0", x0, ("rows", "n")), reals("a", a, ("rows", "k"))
+    shared = reals("p", p, ("m",))
+    check_whole("max_steps", max_steps)
     rows, n = x.shape
     if n == 0:
         raise ValueError(f"x0 has shape {x.shape}, expected (rows, n) with n from 1 up")
     if len(own) != rows:
         raise ValueError(f"a has shape {own.shape}, expected ({rows}, k)")
-    workers = _workers(rows * n, threads)
     found = Stepped(x.copy(), np.empty(rows), np.empty(rows, np.int8), np.empty(rows, np.int64))
-    limits = (float(tolerance), int(max_steps), GROWTHS)
-    solve = _solver((wide_address, scalar_address), limits, own, shared, found)
-    if workers == 1 or rows < 2:
-        solve(0, rows)
-        return found
-    borders = np.linspace(0, rows, min(workers * PARTS_PER_THREAD, rows) + 1).astype(int).tolist()
-    with ThreadPoolExecutor(workers) as pool:
-        list(pool.map(solve, borders[:-1], borders[1:]))
+    limits = _limits(tolerance, max_steps, contraction)
+    solve = _solver(kernel.addresses, limits, own, shared, found)
+    in_parts(solve, rows, workers(rows * n >= PAYS_FROM, threads))
     return found
 
 
+Limits = tuple[float, int, int, float, float]
+
+
+def _limits(tolerance: float, max_steps: int, contraction: float) -> Limits:
+    """The numbers of `stepping_loops.Rules`."""
+    return float(tolerance), int(max_steps), GROWTHS, float(contraction), NOTHING
+
+
 def _solver(
-    addresses: tuple[int, int], limits: tuple[float, int, int], a: Array, p: Array, found: Stepped
+    code: Code, limits: Limits, a: Array, p: Array, found: Stepped
 ) -> Callable[[int, int], None]:
     """What solves rows from one to before another in place; numba is loaded here."""
     from gough.numerics import stepping_loops as loops
 
     n, k = found.x.shape[1], a.shape[1]
-    kernels, rules = loops.Kernels(*addresses), loops.Rules(*limits)
+    kernels, rules = loops.Kernels(code.wide, code.scalar), loops.Rules(*limits)
 
     def solve(first: int, last: int) -> None:
         slots = min(loops.SLOTS, max(last - first, 1))
-        reals, whole = loops.room(n, k, slots)
+        numbers, whole = loops.room(n, k, slots)
         loops.batch_compiled(
             kernels,
             loops.Shape(n, k, len(p), slots),
@@ -141,7 +182,7 @@ def _solver(
             found.gap,
             found.ending,
             found.steps,
-            np.empty(reals),
+            np.empty(numbers),
             np.empty(whole, np.int64),
         )
 
@@ -149,16 +190,18 @@ def _solver(
 
 
 class Stepper:
-    """The same for one row at a time, in about a microsecond: ``stepper(x0, a)``.
+    """The same for one row at a time, in some microseconds: ``stepper(x0, a)``.
+
+    It uses the code that takes one row at a time.
 
     Args:
-        address: of a step kernel; its owner must live as long as this. For one row, code that takes
-            one at a time is the faster mostly.
+        kernel: makes the steps; it is kept.
         n: numbers of a point, from 1 up.
         k: numbers of a.
         p: what all calls share, (m,); copied.
         tolerance: largest gap of a solution, in the kernel's unit.
         max_steps: steps before giving up.
+        contraction: longest step, in steps before, of a row that goes on; infinite for any.
 
     Raises:
         ValueError: an argument has the wrong shape or value; the message names it.
@@ -166,23 +209,25 @@ class Stepper:
 
     def __init__(
         self,
-        address: int,
+        kernel: StepKernel,
         n: int,
         k: int,
         p: ArrayLike,
         tolerance: float = 1e-12,
         max_steps: int = MAX_STEPS,
+        *,
+        contraction: float = CONTRACTION,
     ) -> None:
         from gough.numerics import stepping_loops as loops
 
-        _check_steps(max_steps)
+        check_whole("max_steps", max_steps)
         if n < 1 or k < 0:
             raise ValueError(f"n is {n} and k is {k}, expected n from 1 and k from 0 up")
-        self.n, self.k = n, k
-        shared = _reals("p", p, 1)
+        self.kernel, self.n, self.k = kernel, n, k
+        shared = reals("p", p, ("m",))
         shape = loops.Shape(n, k, len(shared), 1)
-        rules = loops.Rules(float(tolerance), int(max_steps), GROWTHS)
-        self._reals, self._whole = loops.row_room(address, shape, rules, shared)
+        rules = loops.Rules(*_limits(tolerance, max_steps, contraction))
+        self._reals, self._whole = loops.row_room(kernel.addresses.scalar, shape, rules, shared)
         self._step_row = loops.row_compiled()
 
     def __call__(self, x0: ArrayLike, a: ArrayLike) -> tuple[Array, int, int]:
@@ -203,7 +248,7 @@ class Stepper:
         try:
             ending, steps = self._step_row(x, own, self._reals, self._whole)
         except TypeError:  # not float64, or not one axis
-            x, own = _reals("x0", x, 1), _reals("a", own, 1)
+            x, own = reals("x0", x, ("n",)), reals("a", own, ("k",))
             ending, steps = self._step_row(x, own, self._reals, self._whole)
         if ending < 0:
             raise ValueError(
@@ -211,36 +256,3 @@ class Stepper:
                 f"expected ({self.n},) and ({self.k},)"
             )
         return x, ending, steps
-
-
-def _check_steps(max_steps: int) -> None:
-    whole = isinstance(max_steps, int | np.integer) and not isinstance(max_steps, bool)
-    if not whole or max_steps < 0:
-        raise ValueError(f"max_steps is {max_steps!r}, expected a whole number from 0 up")
-
-
-def _workers(numbers: int, threads: int | None) -> int:
-    """How many threads work on a batch."""
-    if threads is None:
-        return _cores() if numbers >= PAYS_FROM else 1
-    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise ValueError(f"threads is {threads!r}, expected a whole number from 1 up, or None")
-    return int(threads)
-
-
-def _cores() -> int:
-    """Cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _reals(name: str, given: ArrayLike, axes: int) -> Array:
-    """An array of float64 that compiled loops may read as it stands."""
-    values = np.asarray(given)
-    if values.ndim != axes:
-        raise ValueError(f"{name} has shape {values.shape}, expected {axes} axes")
-    if not np.can_cast(values.dtype, np.float64, "same_kind"):
-        raise ValueError(f"{name} holds {values.dtype}, expected real numbers")
-    # one type for numba: in order, aligned and, though never written, writeable
-    return np.require(values, np.float64, ["C", "A", "W"])

@@ -25,7 +25,9 @@ SLOTS = 128
 """Rows at a time: enough to fill the lanes, few enough for the nearest cache."""
 REFILL = 4
 """New rows come in when at most one slot in this many is at work; a guess."""
-CLOSED, CROSSED, NOT_FINITE, DIVERGED, STEP_LIMIT = range(5)
+SAID = 3
+"""Numbers that a kernel says of a point, behind the next: gap, determinant, size of the step."""
+CLOSED, CROSSED, NOT_FINITE, FAR, DIVERGED, STEP_LIMIT = range(6)
 """The endings in the order of `stepping.StepEnding`."""
 RUNNING = -1
 NOBODY = -1
@@ -59,6 +61,8 @@ class Rules(NamedTuple):
     tolerance: float
     max_steps: int
     growths: int
+    contraction: float
+    nothing: float
 
 
 class Rows(NamedTuple):
@@ -83,6 +87,8 @@ class Slots(NamedTuple):
     """The smallest gap so far."""
     side: Pointer
     """The determinant at the point before, whose sign is that at the start; 0 at first."""
+    size: Pointer
+    """Of the step from the point before; 0 at first."""
     growths: Pointer
     """How many times on end the gap has grown."""
     steps: Pointer
@@ -91,30 +97,30 @@ class Slots(NamedTuple):
 
 def room(n: int, k: int, slots: int) -> tuple[int, int]:
     """How many float64 and int64 `step_rows` needs to work in."""
-    return slots * (3 * (n + 2) + k + 3), 3 * slots + 8
+    return slots * (3 * (n + SAID) + k + 4), 3 * slots + 8
 
 
 class Turn(NamedTuple):
-    """Points of the slots, rows of n + 2 numbers."""
+    """Points of the slots, rows of n + SAID numbers."""
 
     before: Pointer
     """That the last step was made from."""
     points: Pointer
     """That it led to."""
     output: Pointer
-    """That the next step leads to, with the gap and the determinant at `points`."""
+    """That the next step leads to, with what the kernel says of `points`."""
 
 
 @part
 def new_slots(shape: Shape, reals: Pointer, whole: Pointer) -> tuple[Slots, Turn]:
     """Slots in a room."""
-    slots, size = shape.slots, shape.slots * (shape.n + 2)
+    slots, size = shape.slots, shape.slots * (shape.n + SAID)
     a = 3 * size
     gap = a + slots * shape.k
     state = Slots(
         pointer_to(reals, a), pointer_to(reals, gap), pointer_to(reals, gap + slots),
-        pointer_to(reals, gap + 2 * slots), pointer_to(whole, 0), pointer_to(whole, slots),
-        pointer_to(whole, 2 * slots),
+        pointer_to(reals, gap + 2 * slots), pointer_to(reals, gap + 3 * slots),
+        pointer_to(whole, 0), pointer_to(whole, slots), pointer_to(whole, 2 * slots),
     )  # fmt: skip
     turn = Turn(pointer_to(reals, 0), pointer_to(reals, size), pointer_to(reals, 2 * size))
     return state, turn
@@ -126,16 +132,17 @@ def enter(
 ) -> None:
     """Put rows from `first` on into slots from `free` on."""
     n, k = shape.n, shape.k
-    place = pointer_to(points, free * (n + 2))
+    place = pointer_to(points, free * (n + SAID))
     for i in range(count):
         for j in range(n):
-            place[i * (n + 2) + j] = rows.x[(first + i) * n + j]
+            place[i * (n + SAID) + j] = rows.x[(first + i) * n + j]
     for j in range(count * k):
         slots.a[free * k + j] = rows.a[first * k + j]
     for i in range(count):
         slots.gap[free + i] = np.inf
         slots.best[free + i] = np.inf
         slots.side[free + i] = 0.0
+        slots.size[free + i] = 0.0
         slots.growths[free + i] = 0
         slots.steps[free + i] = 0
         slots.row[free + i] = first + i
@@ -146,13 +153,14 @@ def move(slots: Slots, turn: Turn, source: int, target: int, shape: Shape) -> No
     """Move a row to another slot."""
     n, k = shape.n, shape.k
     for j in range(n):
-        turn.points[target * (n + 2) + j] = turn.points[source * (n + 2) + j]
-        turn.output[target * (n + 2) + j] = turn.output[source * (n + 2) + j]
+        turn.points[target * (n + SAID) + j] = turn.points[source * (n + SAID) + j]
+        turn.output[target * (n + SAID) + j] = turn.output[source * (n + SAID) + j]
     for j in range(k):
         slots.a[target * k + j] = slots.a[source * k + j]
     slots.gap[target] = slots.gap[source]
     slots.best[target] = slots.best[source]
     slots.side[target] = slots.side[source]
+    slots.size[target] = slots.size[source]
     slots.growths[target] = slots.growths[source]
     slots.steps[target] = slots.steps[source]
     slots.row[target] = slots.row[source]
@@ -165,7 +173,7 @@ def evaluate(
 ) -> None:  # fmt: skip
     """Run the kernel on the slots at work; inputs without numbers are left out."""
     steps = pointer_to(table, 4)
-    table[0], steps[0] = address_of(turn.points), 8 * (shape.n + 2)
+    table[0], steps[0] = address_of(turn.points), 8 * (shape.n + SAID)
     used = 1
     if shape.k:
         table[used], steps[used] = address_of(slots.a), 8 * shape.k
@@ -173,7 +181,7 @@ def evaluate(
     if shape.m:
         table[used], steps[used] = address_of(p), 0
         used += 1
-    table[used], steps[used] = address_of(turn.output), 8 * (shape.n + 2)
+    table[used], steps[used] = address_of(turn.output), 8 * (shape.n + SAID)
     call_kernel(kernels.wide if active > 1 else kernels.scalar, table, steps, active)
 
 
@@ -184,14 +192,22 @@ def crossed(side: float, d: float) -> bool:
 
 
 @part
+def is_far(before: float, size: float, rules: Rules) -> bool:
+    """Whether a step is too long after the one before; false after none, or next to none."""
+    return (before > rules.nothing) & (not size <= rules.contraction * before)
+
+
+@part
 def all_go_on(slots: Slots, output: Pointer, active: int, n: int, rules: Rules) -> bool:
     """Whether each row has come closer and needs another step, as most often all do."""
     ready = 0
     for s in range(active):
-        gap, d = output[s * (n + 2) + n], output[s * (n + 2) + n + 1]
+        said = pointer_to(output, s * (n + SAID) + n)
+        gap, d, size = said[0], said[1], said[2]
         open_yet = (gap <= slots.best[s]) & (gap > rules.tolerance) & (gap < np.inf)
         regular = (abs(d) < np.inf) & (not crossed(slots.side[s], d))
-        ready += open_yet & regular & (slots.steps[s] < rules.max_steps)
+        near = not is_far(slots.size[s], size, rules)
+        ready += open_yet & regular & near & (slots.steps[s] < rules.max_steps)
     return ready == active
 
 
@@ -199,19 +215,24 @@ def all_go_on(slots: Slots, output: Pointer, active: int, n: int, rules: Rules) 
 def go_on(slots: Slots, output: Pointer, active: int, n: int) -> None:
     """Make the points of all rows their best ones."""
     for s in range(active):
-        slots.gap[s] = slots.best[s] = output[s * (n + 2) + n]
-        slots.side[s] = output[s * (n + 2) + n + 1]
+        said = pointer_to(output, s * (n + SAID) + n)
+        slots.gap[s] = slots.best[s] = said[0]
+        slots.side[s] = said[1]
+        slots.size[s] = said[2]
         slots.growths[s] = 0
         slots.steps[s] += 1
 
 
 @part
-def judge(slots: Slots, s: int, gap: float, d: float, rules: Rules) -> int:
-    """How the row in a slot ended, or RUNNING, from the gap and the determinant at its point."""
+def judge(slots: Slots, s: int, said: Pointer, rules: Rules) -> int:
+    """How the row in a slot ended, or RUNNING, from what the kernel says of its point."""
+    gap, d, size = said[0], said[1], said[2]
     if not (gap < np.inf and abs(d) < np.inf):
         return NOT_FINITE
     if crossed(slots.side[s], d):
         return CROSSED
+    if is_far(slots.size[s], size, rules):
+        return FAR
     if gap <= rules.tolerance:
         return CLOSED
     if slots.growths[s] >= rules.growths:
@@ -225,10 +246,11 @@ def visit(slots: Slots, s: int, turn: Turn, n: int, rows: Rows, rules: Rules) ->
 
     The best point goes to the results when its row ends or has gone on to a worse one.
     """
-    at, row, last = s * (n + 2), slots.row[s], slots.gap[s]
-    gap, d = turn.output[at + n], turn.output[at + n + 1]
+    at, row, last = s * (n + SAID), slots.row[s], slots.gap[s]
+    said = pointer_to(turn.output, at + n)
+    gap = said[0]
     slots.growths[s] = slots.growths[s] + 1 if gap > last else 0
-    ending = judge(slots, s, gap, d, rules)
+    ending = judge(slots, s, said, rules)
     better = gap <= slots.best[s] and ending != CROSSED and ending != NOT_FINITE
     if not better and last == slots.best[s] and slots.steps[s] > 0:
         for j in range(n):
@@ -236,7 +258,7 @@ def visit(slots: Slots, s: int, turn: Turn, n: int, rows: Rows, rules: Rules) ->
     if better and ending != RUNNING:
         for j in range(n):
             rows.x[row * n + j] = turn.points[at + j]
-    slots.gap[s], slots.side[s] = gap, d
+    slots.gap[s], slots.side[s], slots.size[s] = gap, said[1], said[2]
     if better:
         slots.best[s] = gap
     return ending
@@ -326,7 +348,7 @@ class RowRoom(NamedTuple):
     """What `step_row` works with: a kernel, its data, and room; all of it in two arrays."""
 
     reals: Any
-    """Tolerance, gap, p, and the room."""
+    """Tolerance, contraction, nothing, gap, p, and the room."""
     whole: Any
     """Address, n, k, m, max_steps, growths, ending, steps, and the room."""
 
@@ -335,8 +357,9 @@ def row_room(address: int, shape: Shape, rules: Rules, p: Any) -> RowRoom:
     """A room for rows of one kernel."""
     reals, whole = room(shape.n, shape.k, 1)
     sizes = (address, shape.n, shape.k, shape.m, rules.max_steps, rules.growths, 0, 0)
+    limits = (rules.tolerance, rules.contraction, rules.nothing, 0.0)
     return RowRoom(
-        np.concatenate([[rules.tolerance, 0.0], p, np.zeros(reals)]),
+        np.concatenate([limits, p, np.zeros(reals)]),
         np.concatenate([sizes, np.zeros(whole)]).astype(np.int64),
     )
 
@@ -349,14 +372,14 @@ def _row() -> Callable[..., Any]:
         address, n, k, m = whole[0], whole[1], whole[2], whole[3]
         if len(x) != n or len(a) != k:
             return WRONG_SIZE, 0
-        rules = Rules(reals[0], whole[4], whole[5])
+        rules = Rules(reals[0], whole[4], whole[5], reals[1], reals[2])
         rows = Rows(
-            pointer_to(x, 0), pointer_to(a, 0), pointer_to(reals, 2), pointer_to(reals, 1),
+            pointer_to(x, 0), pointer_to(a, 0), pointer_to(reals, 4), pointer_to(reals, 3),
             pointer_to(whole, 6), pointer_to(whole, 7),
         )  # fmt: skip
         step_rows(
             Kernels(address, address), Shape(n, k, m, 1), rules, 0, 1, rows,
-            pointer_to(reals, 2 + m), pointer_to(whole, 8),
+            pointer_to(reals, 4 + m), pointer_to(whole, 8),
         )  # fmt: skip
         return whole[6], whole[7]
 
