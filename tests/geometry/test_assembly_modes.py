@@ -9,7 +9,6 @@ import pytest
 import gough
 from gough import catalogue
 from gough.errors import ConfigurationError
-from gough.geometry.six_legs import six_legs
 
 DATA = Path(__file__).parents[1] / "data"
 CASES = {
@@ -289,7 +288,7 @@ def test_unreachable_motors_have_no_mode():
 def test_six_legs_are_recognised_from_the_equations():
     for name in ("gough-stewart", "hexa", "hexaglide", "6-sps", "6-ups"):
         direct = gough.load(name)._direct_problem()
-        legs = six_legs(direct.problem, direct.closure, direct.home)
+        legs = direct.legs.at(direct.home)
         T = direct.models.poses(direct.home, direct.assembler.p)
         T = T[direct.models.structure.bodies.index("platform")]
         ends = legs.platform @ T[:3, :3].T + T[:3, 3]
@@ -298,7 +297,7 @@ def test_six_legs_are_recognised_from_the_equations():
         )
     for name in ("3-rps", "delta", "orthoglide", "3-rpr"):
         direct = gough.load(name)._direct_problem()
-        assert six_legs(direct.problem, direct.closure, direct.home) is None
+        assert direct.legs is None
 
 
 def test_start_sets_are_kept_on_disk(monkeypatch):

@@ -25,7 +25,7 @@ from gough.geometry.placing import Placing
 from gough.geometry.problem import Problem
 from gough.geometry.quadratic_closure import QuadraticClosure
 from gough.geometry.six_leg_platforms import SixLegPlatform
-from gough.geometry.six_legs import SixLegs, six_legs
+from gough.geometry.six_legs import LegEquations, SixLegs
 from gough.models import Models
 from gough.numerics.certificates import Certificates, certify
 from gough.numerics.path_tracking import PathEnding, track_carefully
@@ -169,6 +169,7 @@ class DirectProblem:
         self.closure = QuadraticClosure(self.problem)
         self.placing = Placing(self.problem)
         self._platforms: dict[bytes, SixLegPlatform] = {}
+        self._position_names = position_names(models)
 
     # solutions
 
@@ -183,8 +184,14 @@ class DirectProblem:
         """
         given = self.checked(q_actuated)
         q = self.actuated.put(self.home, given)
-        legs = six_legs(self.problem, self.closure, q)
-        return self._of_six_legs(given, q, legs) if legs else self._of_any(given, q)
+        if self.legs is not None:
+            return self._of_six_legs(given, q, self.legs.at(q))
+        return self._of_any(given, q)
+
+    @cached_property
+    def legs(self) -> LegEquations | None:
+        """The legs of a platform on six legs, None for other mechanisms."""
+        return LegEquations.of(self.problem, self.closure)
 
     def checked(self, q_actuated: ArrayLike) -> Array:
         """The actuated positions as an array."""
@@ -204,6 +211,7 @@ class DirectProblem:
         platform = self._platform(legs)
         found = platform.modes(legs.lengths)
         poses = found.poses
+        x = poses if self._outputs_are_pose else self.operational.of(self._posed(q, poses))
         notes = (found.completeness.value,) if not found.complex_count else ()
 
         def configurations() -> Array:
@@ -214,7 +222,7 @@ class DirectProblem:
         return AssemblyModes(
             self.models.structure.mechanism.name,
             given,
-            self.operational.of(self._posed(q, poses)),
+            x,
             poses,
             found.certified,
             found.completeness.name if found.completeness.name != "dependent" else "found",
@@ -223,7 +231,7 @@ class DirectProblem:
             found.endings,
             notes,
             tuple(self.operational.names),
-            position_names(self.models),
+            self._position_names,
             configurations,
         )
 
@@ -234,6 +242,14 @@ class DirectProblem:
             self._platforms.clear()
             self._platforms[key] = SixLegPlatform(legs.base, legs.platform)
         return self._platforms[key]
+
+    @cached_property
+    def _outputs_are_pose(self) -> bool:
+        structure = self.models.structure
+        part = self.models.closure.slices[structure.edge_to[str(structure.mechanism.platform)]]
+        return self.operational.whole == list(range(part.start, part.stop)) and not (
+            self.operational.turned
+        )
 
     def _posed(self, q: Array, poses: Array) -> Array:
         """Configurations with the platform at poses, all else as in q."""
@@ -268,7 +284,7 @@ class DirectProblem:
             ends.endings,
             self._notes(ends),
             tuple(self.operational.names),
-            position_names(self.models),
+            self._position_names,
             lambda: found,
         )
 

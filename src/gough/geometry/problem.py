@@ -115,20 +115,3 @@ class Problem:
         closure = self.models.closure
         column = casadi.vertcat(*(casadi.SX(x) for x in scalars)) if scalars else casadi.SX(0, 1)
         return Kernel(name, {"q": closure.q, "p": closure.p}, column, (len(scalars),))
-
-    @cached_property
-    def _lengths(self) -> Kernel:
-        conditions = self.natural.conditions
-        return self.kernel("lengths", [0.0 if c.length is None else c.length for c in conditions])
-
-    def lengths(self, q: Array) -> Array:
-        """The length that each equation of the natural closure keeps, 0 where it keeps none, m."""
-        return self._lengths(q, self.assembler.p)
-
-    def body_in_class(self, body: str) -> tuple[Array, Array]:
-        """Orientation of a body in its class, and its place in its cluster, as numbers."""
-        cluster = self.natural.of_body[body]
-        R, p = cluster.places[body]
-        turned = al.matmul(cluster.turn, R)
-        numbers = self.probe([*(x for row in turned for x in row), *p])[0]
-        return numbers[:9].reshape(3, 3), numbers[9:]

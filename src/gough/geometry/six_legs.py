@@ -8,9 +8,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from gough import algebra as al
+from gough.algebra import Scalar
 from gough.geometry.problem import Problem
 from gough.geometry.quadratic_closure import QuadraticClosure
-from gough.symbolic.natural.parts import Family
+from gough.kernels import Kernel
+from gough.symbolic.natural.parts import Condition
 
 Array = NDArray[np.float64]
 
@@ -30,67 +33,100 @@ class SixLegs:
     """(6,), m."""
 
 
-def six_legs(problem: Problem, closure: QuadraticClosure, q: Array) -> SixLegs | None:
-    """The legs, or None if the equations are of another kind.
+class LegEquations:
+    """The legs of a platform as functions of what is known.
 
     With the platform's position p and vectors u_j = R g_j of it as unknowns, a leg's equation is
 
         p·p + 2 p·(Σ β_j u_j - b) - 2 b·(Σ β_j u_j) + constant = 0,    a = Σ β_j g_j.
     """
-    natural = problem.natural
-    legs = [k for k, c in enumerate(natural.conditions) if not natural.keeps_shape(c)]
-    kinds = {natural.unknowns[u].kind for u in problem.left}
-    platform = problem.models.structure.mechanism.platform
-    if platform is None or kinds != {"pose", "platform"} or len(legs) != 6 or natural.planar:
-        return None
-    cluster = natural.of_body[platform]
-    family = natural.families[cluster.family]
-    position = [next(iter(part.unknowns), None) for part in cluster.position]
-    if None in position or len(family.basis) < 2:
-        return None
-    places = [closure.place[u] for u in position if u is not None]
-    vectors = _vector_places(closure, family)
-    if vectors is None:
-        return None
-    tables = closure.tables(q)
-    lengths = problem.lengths(q)
-    found = [_leg(tables[k], places, vectors) for k in legs]
-    if any(leg is None for leg in found):
-        return None
-    g = problem.probe([x for v in family.basis for x in v])[0].reshape(-1, 3)
-    R, _ = problem.body_in_class(platform)
-    base = np.array([leg[0] for leg in found if leg is not None])
-    own = np.array([leg[1] @ g[: len(leg[1])] for leg in found if leg is not None])
-    return SixLegs(base, own @ R, np.array([lengths[k] for k in legs]))
 
+    def __init__(self, kernel: Kernel, p: Array) -> None:
+        self._kernel, self._p = kernel, p
 
-def _vector_places(closure: QuadraticClosure, family: Family) -> list[list[int]] | None:
-    """Places of the coordinates of each vector of the platform."""
-    places = []
-    for image in family.images:
-        unknowns = [next(iter(part.unknowns), None) for part in image]
-        if None in unknowns or any(u not in closure.place for u in unknowns if u is not None):
+    @classmethod
+    def of(cls, problem: Problem, closure: QuadraticClosure) -> LegEquations | None:
+        """The legs of a mechanism, or None if its equations are of another kind."""
+        places = _Places.of(problem, closure)
+        if places is None:
             return None
-        places.append([closure.place[u] for u in unknowns if u is not None])
-    return places
+        natural = problem.natural
+        legs = [k for k, c in enumerate(natural.conditions) if not natural.keeps_shape(c)]
+        for q in problem.states:
+            tables = closure.tables(q)
+            if not all(places.is_leg(tables[k]) for k in legs):
+                return None
+        scalars = [x for k in legs for x in places.leg(problem, natural.conditions[k])]
+        return cls(problem.kernel("six_legs", scalars), problem.assembler.p)
+
+    def at(self, q: Array) -> SixLegs:
+        """The legs for the known positions in q."""
+        table = self._kernel(q, self._p).reshape(6, 7)
+        return SixLegs(table[:, :3].copy(), table[:, 3:6].copy(), table[:, 6].copy())
 
 
-def _leg(table: Array, p: list[int], vectors: list[list[int]]) -> tuple[Array, Array] | None:
-    """b and β of an equation given as an upper triangle; None if it is no leg's."""
-    table = table / np.abs(table).max()
-    k = table[p[0], p[0]]
-    if abs(k) < AGREES:
-        return None
-    full = (table + table.T) / (2 * k)
-    b = -full[0, p]
-    beta = np.array([full[p[0], u[0]] for u in vectors])
-    expected = np.zeros_like(full)
-    expected[p, p] = 1
-    expected[0, p] = expected[p, 0] = -b
-    for (j, u), i in product(enumerate(vectors), range(3)):
-        expected[p[i], u[i]] = expected[u[i], p[i]] = beta[j]
-        expected[0, u[i]] = expected[u[i], 0] = -b[i] * beta[j]
-    expected[0, 0] = full[0, 0]
-    if np.abs(full - expected).max() > AGREES * max(1.0, np.abs(full).max()):
-        return None
-    return b, beta
+@dataclass(frozen=True)
+class _Places:
+    """Where the unknowns of a platform stand."""
+
+    position: list[int]
+    """Unknowns of the platform's position."""
+    vectors: list[list[int]]
+    """Unknowns of each of its vectors."""
+    place: dict[int, int]
+    """The place of each unknown in the closure's tables."""
+
+    @classmethod
+    def of(cls, problem: Problem, closure: QuadraticClosure) -> _Places | None:
+        """The places, or None if more or less than a free platform on six legs is unknown."""
+        natural = problem.natural
+        platform = problem.models.structure.mechanism.platform
+        kinds = {natural.unknowns[u].kind for u in problem.left}
+        legs = [c for c in natural.conditions if not natural.keeps_shape(c)]
+        if platform is None or natural.planar or kinds != {"pose", "platform"} or len(legs) != 6:
+            return None
+        cluster = natural.of_body[platform]
+        family = natural.families[cluster.family]
+        position = [u for part in cluster.position for u in part.unknowns]
+        vectors = [[u for part in image for u in part.unknowns] for image in family.images]
+        used = {u for part in (position, *vectors) for u in part}
+        if len(position) != 3 or len(vectors) < 2 or not used <= closure.place.keys():
+            return None
+        return cls(position, vectors, closure.place)
+
+    def is_leg(self, table: Array) -> bool:
+        """Whether an equation, an upper triangle of coefficients, is that of a leg."""
+        p = [self.place[u] for u in self.position]
+        if abs(table[p[0], p[0]]) < AGREES * np.abs(table).max():
+            return False
+        full = (table + table.T) / (2 * table[p[0], p[0]])
+        expected = np.zeros_like(full)
+        expected[p, p], expected[0, 0] = 1, full[0, 0]
+        b = -full[0, p]
+        expected[0, p] = expected[p, 0] = -b
+        for unknowns, i in product(self.vectors, range(3)):
+            v = [self.place[u] for u in unknowns]
+            beta = full[p[0], v[0]]
+            expected[p[i], v[i]] = expected[v[i], p[i]] = beta
+            expected[0, v[i]] = expected[v[i], 0] = -b[i] * beta
+        return bool(np.abs(full - expected).max() <= AGREES * max(1.0, np.abs(full).max()))
+
+    def leg(self, problem: Problem, condition: Condition) -> list[Scalar]:
+        """b, a in axes of the platform, and L of a leg."""
+        polynomial, natural = condition.polynomial, problem.natural
+        one = self.position[0]
+        twice = al.mul(2.0, polynomial.coefficient(one, one))
+        b = [al.mul(-1.0, polynomial.coefficient(u)) / twice for u in self.position]
+        platform = str(problem.models.structure.mechanism.platform)
+        cluster = natural.of_body[platform]
+        a: al.Vector = al.ZERO
+        basis = natural.families[cluster.family].basis
+        for g, unknowns in zip(basis, self.vectors, strict=True):
+            beta = polynomial.coefficient(*sorted((one, unknowns[0])))
+            a = al.plus(a, al.scale(_quotient(beta, twice), g))
+        R = al.matmul(cluster.turn, cluster.places[platform][0])
+        return [*b, *al.turn(al.transpose(R), a), condition.length]
+
+
+def _quotient(a: Scalar, b: Scalar) -> Scalar:
+    return 0.0 if al.is_number(a) and a == 0 else a / b
