@@ -12,10 +12,7 @@ from hypothesis import settings
 from gough.geometry.six_leg_classes import SHARED_POINTS, expected_counts
 from gough.geometry.six_leg_platforms import (
     Completeness,
-    SixConditions,
     SixLegPlatform,
-    distance_condition,
-    plane_condition,
 )
 from gough.geometry.six_leg_sections import DEGREE, PATTERN, generic_start
 
@@ -387,47 +384,6 @@ def test_far_platforms_lose_nothing_that_is_real():
             assert modes.certified.all()
 
 
-# conditions
-
-
-def test_legs_are_conditions():
-    base, platform, lengths, *_ = member("general", np.random.default_rng(13))
-    rows = [distance_condition(*leg) for leg in zip(platform, base, lengths, strict=True)]
-    rows = np.array(rows) * [[1], [-2], [3], [0.1], [10], [7]]
-    modes = SixConditions(rows).modes()
-    legs = SixLegPlatform(base, platform).modes(lengths)
-    assert modes.completeness is Completeness.certified
-    np.testing.assert_allclose(modes.poses, legs.poses, atol=1e-9)
-    loose = SixConditions(rows, 1e-14 * np.abs(rows) * (np.arange(17) != 1)).modes()
-    assert loose.completeness is Completeness.certified
-
-
-@pytest.mark.parametrize(
-    ("planes", "count"), [(1, 40), (2, 40), (3, 40), (4, None), (5, 16), (6, 8)]
-)
-def test_planes_are_conditions(planes, count):
-    rng = np.random.default_rng(14 + planes)
-    base, platform, lengths, R, p = member("general", rng)
-    rows = [distance_condition(*leg) for leg in zip(platform, base, lengths, strict=True)]
-    for k in range(planes):
-        normal = rng.normal(size=3)
-        rows[k] = plane_condition(platform[k], normal, normal @ (R @ platform[k] + p))
-    modes = SixConditions(np.array(rows)).modes()
-    assert holds(modes, R, p)
-    assert modes.certified.all()
-    if count is not None:
-        assert modes.complex_count == count
-        assert modes.completeness is (
-            Completeness.certified if count == DEGREE else Completeness.found
-        )
-
-
-def test_repeated_conditions_have_no_modes():
-    rows = np.random.default_rng(15).normal(size=(6, 17))
-    rows[5] = rows[4] + rows[3]
-    assert SixConditions(rows).modes().completeness is Completeness.dependent
-
-
 # data and wrong input
 
 
@@ -469,13 +425,3 @@ GOOD = np.random.default_rng(16).normal(size=(6, 3))
 def test_wrong_input_is_named(base, platform, lengths, words):
     with pytest.raises(ValueError, match=words):
         SixLegPlatform(base, platform).modes(lengths)
-
-
-def test_wrong_conditions_are_named():
-    rows = np.ones((6, 17))
-    with pytest.raises(ValueError, match=r"rows has shape \(5, 17\)"):
-        SixConditions(rows[:5])
-    with pytest.raises(ValueError, match="errors"):
-        SixConditions(rows, -rows)
-    with pytest.raises(ValueError, match="y·y"):
-        SixConditions(rows, rows)

@@ -58,11 +58,8 @@ __all__ = [
     "Completeness",
     "Outcome",
     "PlatformModes",
-    "SixConditions",
     "SixLegPlatform",
-    "distance_condition",
     "leg_rows",
-    "plane_condition",
 ]
 
 SLACK = 32 * ROUNDING
@@ -156,106 +153,6 @@ class SixLegPlatform:
         start = self._legs.start_set(squares)
         self._start = start if len(start.x) in self.expected or not self.expected else None
         return len(start.x)
-
-
-class SixConditions:
-    """Any six conditions on a pose that are linear in the forms of `six_leg_sections`.
-
-    `distance_condition` and `plane_condition` make rows. How many solutions there are is not known
-    beforehand, but for the bound of 40.
-    """
-
-    def __init__(self, rows: ArrayLike, errors: ArrayLike | None = None) -> None:
-        """Make conditions.
-
-        Args:
-            rows: coefficients of N; y·y; N Rᵀp; N p; N R by rows, (6, 17).
-            errors: how far they may be from the true ones, (6, 17); 0 for y·y. What is certified
-                then holds for all rows within them. By default the rows are exact.
-
-        Raises:
-            ValueError: not finite, or of the wrong shape, or errors below 0 or of y·y.
-        """
-        self.rows = _numbers("rows", rows, (6, FORM_COUNT))
-        self._exact = errors is None
-        given = np.zeros((6, FORM_COUNT)) if errors is None else errors
-        self.errors = _numbers("errors", given, (6, FORM_COUNT))
-        if np.any(self.errors < 0) or np.any(self.errors[:, 1]):
-            raise ValueError("errors holds numbers below 0 or for y·y, expected 0 or more")
-
-    def modes(self) -> PlatformModes:
-        """All poses that satisfy the conditions."""
-        unit = _unit_of_rows(self.rows)
-        lengths = np.array([1.0, unit**2, *[unit] * 6, *[1.0] * 9])
-        most = np.abs(self.rows * lengths).max(axis=1, keepdims=True)
-        scale = lengths * 2.0 ** -np.round(np.log2(np.where(most > 0, most, 1.0)))
-        rows, errors = self.rows * scale, self.errors * scale
-        frames = Frames(unit, np.zeros(3), np.zeros(3))
-        if rank_margin(rows) < DEPENDENT:
-            return nowhere(frames)
-        order = np.argsort(-np.abs(rows[:, 1]), kind="stable")
-        rows, errors, scale = rows[order], errors[order], scale[order]
-        sizes = np.abs(rows)
-        bounds = SLACK * entry_sizes(_without_y(sizes, sizes, 1)) + TINY
-        bounds += 2 * entry_sizes(_without_y(errors, sizes, 1))
-
-        def exact() -> list[Fraction]:
-            true = _fractions(self.rows[order]) * _fractions(scale)
-            return list(entries(_without_y(true, true, -1)))
-
-        section = Section(
-            np.asarray(entries(_without_y(rows, rows, -1))),
-            bounds,
-            exact if self._exact else None,
-            tuple,
-            frames,
-        )
-        return _solve(section, [_from_generic(rows)])
-
-
-def _without_y(rows: NDArray[Any], weights: NDArray[Any], sign: int) -> NDArray[Any]:
-    """Rows of which all but the first lose y·y: those of c0 row_i + sign c_i row_0.
-
-    Products are those of numbers and of their like, so that y·y goes exactly.
-    """
-    c = weights[:, 1]
-    if not c[0]:
-        return rows
-    return np.concatenate([rows[:1], c[0] * rows[1:] + sign * c[1:, None] * rows[0]])
-
-
-def distance_condition(point: ArrayLike, centre: ArrayLike, length: float) -> Array:
-    """The row of |R a + p - b| = L, (17,).
-
-    Args:
-        point: a, in the platform frame, (3,).
-        centre: b, in the base frame, (3,).
-        length: L.
-    """
-    a, b = _numbers("point", point, (3,)), _numbers("centre", centre, (3,))
-    row = leg_rows(a[None], b[None])[0]
-    row[0] -= length**2
-    return np.asarray(row)
-
-
-def plane_condition(point: ArrayLike, normal: ArrayLike, offset: float) -> Array:
-    """The row of n·(R a + p) = d, (17,).
-
-    Args:
-        point: a, in the platform frame, (3,).
-        normal: n, in the base frame, of any length, (3,).
-        offset: d.
-    """
-    a, n = _numbers("point", point, (3,)), _numbers("normal", normal, (3,))
-    return np.concatenate([[-offset, 0, 0, 0, 0], n, np.outer(n, a).ravel()])
-
-
-def _unit_of_rows(rows: Array) -> float:
-    """The power of two that best makes coefficients of lengths like those of numbers."""
-    least = np.linalg.norm(np.delete(rows, [0, 1, *range(2, 8)], axis=1), axis=1)
-    most = np.linalg.norm(rows[:, 2:8], axis=1)
-    ratios = [a / b for a, b in zip(least, most, strict=True) if a > 0 and b > 0]
-    return float(2.0 ** round(math.log2(float(np.median(ratios))))) if ratios else 1.0
 
 
 class _Legs:
