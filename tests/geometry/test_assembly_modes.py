@@ -310,6 +310,13 @@ def test_start_sets_are_kept_on_disk(monkeypatch):
     assert len(again.assembly_modes(again.home.q_actuated)) == 2
 
 
+def test_a_search_that_is_cut_short_says_so():
+    robot = gough.load("par4")
+    modes = robot.assembly_modes(robot.home.q_actuated)
+    assert modes.status == "found"
+    assert "cut short at" in str(modes)
+
+
 def test_wrong_input():
     robot = gough.load("3-rpr")
     with pytest.raises(
@@ -324,8 +331,6 @@ def test_wrong_input():
 
 @pytest.mark.parametrize("name", catalogue.names())
 def test_modes_print_and_are_plain_data(name):
-    if name in ("bricard", "par4"):
-        pytest.skip("its start set takes minutes")
     robot = gough.load(name)
     modes = robot.assembly_modes(robot.home.q_actuated)
     text = str(modes)

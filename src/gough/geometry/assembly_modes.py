@@ -295,6 +295,11 @@ class DirectProblem:
                 "the platform keeps the orientation of home; motion='any' lists modes in which it "
                 "is turned too"
             )
+        if self.closure.n and not self.start_set.saturated:
+            notes.append(
+                f"the search for start solutions was cut short at {len(self.start_set.x)}: there "
+                "may be more modes"
+            )
         if ends.surplus:
             notes.append(
                 f"{ends.surplus} more solutions fit some of the equations but not all: the "
@@ -329,15 +334,11 @@ class DirectProblem:
         content = disk.get(key)
         if content is not None:
             with np.load(io.BytesIO(content)) as data:
-                return monodromy.StartSet(
-                    data["coefficients"], data["x"], bool(data["complete"]), int(data["loops"])
-                )
+                flags = (bool(data["complete"]), bool(data["saturated"]), int(data["loops"]))
+                return monodromy.StartSet(data["coefficients"], data["x"], *flags)
         found = self._search()
         file = io.BytesIO()
-        np.savez(
-            file, coefficients=found.coefficients, x=found.x,
-            complete=found.complete, loops=found.loops,
-        )  # fmt: skip
+        np.savez(file, **vars(found))
         disk.put(key, file.getvalue())
         return found
 
@@ -354,7 +355,7 @@ class DirectProblem:
     def _key(self) -> bytes:
         pattern = self.closure.pattern
         parts = (pattern.rows, pattern.left, pattern.right, np.round(self._samples, 9) + 0.0)
-        return digest(*(part.tobytes() for part in parts), "start set 1")
+        return digest(*(part.tobytes() for part in parts), "start set 2")
 
     def _search(self) -> monodromy.StartSet:
         pattern, samples = self.closure.pattern, self._samples

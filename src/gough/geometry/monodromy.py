@@ -32,7 +32,8 @@ FINITE = 1e-7
 """Least share of the homogenising unknown in a solution that is not at infinity."""
 FEW, MANY = 5, 20
 """Loops without a new solution after which to stop, with and without a trace that agrees."""
-MOST_LOOPS, MOST_SOLUTIONS = 200, 4000
+MOST_LOOPS, MOST_SOLUTIONS = 60, 600
+"""When to stop in any case: after some ten seconds, with more solutions left to find; a guess."""
 STRAIGHT = 1e-8
 """Relative bend of the trace of a complete set."""
 
@@ -47,6 +48,8 @@ class StartSet:
     """Its solutions, of unit length, (solutions, n)."""
     complete: bool
     """Whether the trace test says that there are no others."""
+    saturated: bool
+    """Whether the last loops found nothing new, so that it was not cut short."""
     loops: int
     """How many were tracked."""
 
@@ -105,7 +108,7 @@ def find_start_set(family: Family, real: Array, x: Array, rng: np.random.Generat
             break
         if fruitless >= MANY:
             break
-    return StartSet(base, found, complete, loops)
+    return StartSet(base, found, complete, fruitless >= FEW, loops)
 
 
 def _first(
