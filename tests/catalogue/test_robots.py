@@ -21,6 +21,7 @@ EXPECTED = {
     "2rpr-slider": (3, 0, "kinematically redundant"),
     "gough-stewart": (6, 0, "full"),
     "6-sps": (12, 0, "full"),
+    "6-ups": (6, 0, "full"),
     "hexaglide": (6, 0, "full"),
     "hexa": (6, 0, "full"),
     "3-rps": (3, 0, "full"),
