@@ -265,6 +265,23 @@ def test_mirrored_mechanisms_have_mirrored_modes():
     same_sets(other.x * [1, -1, -1], one.x, 1e-9)
 
 
+def test_a_singular_home_is_no_obstacle():
+    """A quarter turn of yaw is a singularity of type 2 of the platform at home."""
+    straight = {"x": 0, "y": 0, "rx": 0, "ry": 0, "rz": np.pi / 2}
+    robot = gough.load("gough-stewart", **straight)
+    lengths = gough.load("gough-stewart").home.q_actuated
+    same_sets(
+        robot.assembly_modes(lengths).poses,
+        gough.load("gough-stewart").assembly_modes(lengths).poses,
+        1e-8,
+    )
+    singular = robot.assembly_modes(robot.home.q_actuated)
+    near = np.abs(singular.poses - robot.home.x).max(axis=1).min()
+    assert near < 1e-6
+    flat = gough.load("five-bar", x=0.5, y=np.sqrt(1.3**2 - 0.25) * (1 - 1e-13))
+    assert len(flat.assembly_modes(flat.home.q_actuated)) >= 1
+
+
 def test_units_do_not_matter():
     """A machine a thousand times as large has modes a thousand times as far apart."""
     size = 1e3

@@ -84,7 +84,7 @@ def test_configurations_come_back_from_their_coordinates(name):
 def test_the_square_system_is_regular_at_home(name):
     robot = gough.load(name)
     if name in ("3-upu",):
-        with pytest.raises(ConfigurationError, match="leave 3 freedoms of 3-upu open"):
+        with pytest.raises(ConfigurationError, match="leaves 3 freedoms of 3-upu open"):
             QuadraticClosure(direct(robot))
         return
     closure = QuadraticClosure(direct(robot))

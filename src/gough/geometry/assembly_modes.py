@@ -344,12 +344,13 @@ class DirectProblem:
 
     @cached_property
     def _samples(self) -> Array:
-        """Coefficients for various actuated positions, those of home last."""
+        """Coefficients for various actuated positions, those of the start last."""
         rng = np.random.default_rng(1)
         scale = self.assembler.rate_scale
         steps = rng.normal(size=(SAMPLES, len(scale))) * 0.3 * scale
         configurations = [self.models.retract(self.home, step) for step in steps]
-        return np.array([self.closure.coefficients(q)[0] for q in [*configurations, self.home]])
+        found = [*configurations, self.closure.start]
+        return np.array([self.closure.coefficients(q)[0] for q in found])
 
     @property
     def _key(self) -> bytes:
@@ -360,7 +361,7 @@ class DirectProblem:
     def _search(self) -> monodromy.StartSet:
         pattern, samples = self.closure.pattern, self._samples
         family = monodromy.Family(pattern, samples[:-1], self.closure.loose)
-        x = self.closure.homogeneous(self.home)
+        x = self.closure.homogeneous(self.closure.start)
         return monodromy.find_start_set(family, samples[-1], x, np.random.default_rng(0))
 
 

@@ -34,11 +34,12 @@ class QuadraticClosure:
 
     Attributes:
         n: how many unknowns are left.
+        start: a configuration where the equations are regular, home if they are there.
         pattern: the square system, homogeneous in 1 + n unknowns.
         loose: its equations that say more than that an angle, a rotation or a vector is one.
 
     Raises:
-        ConfigurationError: the equations leave a freedom at home.
+        ConfigurationError: the equations leave a freedom.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -138,38 +139,47 @@ class QuadraticClosure:
 
     def _choose(self) -> None:
         """Choose pivots of the linear equations, and equations that determine the unknowns."""
-        full = self._full(self.problem.states[1])
-        self.row_size = 2.0 ** np.round(np.log2(np.abs(full).max(axis=(1, 2))))
+        largest = np.max([np.abs(self._full(q)) for q in self.problem.states], axis=0)
+        self.row_size = 2.0 ** np.round(np.log2(largest.max(axis=(1, 2))))
         linear = np.array([c.polynomial.degree == 1 for c in self.natural.conditions], dtype=bool)
-        rows = np.flatnonzero(linear)
-        L = full[rows][:, 0, :] / self.row_size[rows, None]
-        chosen, self.pivots = _pivots(L[:, 1:])
-        self.linear = rows[chosen]
-        self.pivots = self.pivots + 1
+        self._choose_pivots(np.flatnonzero(linear))
+        self.square = self._independent(np.flatnonzero(~linear))
+        solved = {self.left[k - 1] for k in self.pivots}
+        self.loose = np.flatnonzero([not self._keeps_shape(i, solved) for i in self.square])
+        used = np.concatenate([self.square, self.linear])
+        self.others = np.setdiff1d(np.arange(len(self.natural.conditions)), used)
+        reduced = [np.abs(self._reduced(q)[0][self.square]) for q in self.problem.states]
+        seen = np.max(reduced, axis=0) > 1e-13
+        seen[self.loose, 0, 0] = True
+        self.pattern = Quadratics(1 + self.n, *np.nonzero(seen))
+
+    def _choose_pivots(self, rows: Whole) -> None:
+        """Which linear equations are solved, and for what."""
+        L = self._full(self.problem.states[1])[rows][:, 0, :] / self.row_size[rows, None]
+        chosen, pivots = _pivots(L[:, 1:])
+        self.linear, self.pivots = rows[chosen], pivots + 1
         self.kept = np.setdiff1d(np.arange(len(self.size)), self.pivots)
         self.n = len(self.kept) - 1
-        quadratic = np.flatnonzero(~linear)
-        reduced = [self._reduced(q)[0] for q in self.problem.states]
-        x = self.homogeneous(self.problem.home)
-        J = np.array([(Q + Q.T) @ x for Q in reduced[0][quadratic]])[:, 1:] if self.n else None
-        picked = quadratic[:0]
-        if J is not None and J.size:
-            order, _ = _pivots(J)
-            picked = np.sort(quadratic[order])
-        if len(picked) < self.n:
-            raise ConfigurationError(
-                f"the known joints leave {self.n - len(picked)} freedoms of "
-                f"{self.problem.models.structure.mechanism.name} open at home: solutions are no "
-                "points but move"
-            )
-        self.square = picked
-        solved = {self.left[k - 1] for k in self.pivots}
-        self.loose = np.flatnonzero([not self._keeps_shape(i, solved) for i in picked])
-        self.others = np.setdiff1d(np.arange(len(full)), np.concatenate([picked, self.linear]))
-        seen = np.max([np.abs(Q[picked]) for Q in reduced], axis=0) > 1e-13
-        seen[self.loose, 0, 0] = True
-        e, a, b = np.nonzero(seen)
-        self.pattern = Quadratics(1 + self.n, e, a, b)
+
+    def _independent(self, rows: Whole) -> Whole:
+        """As many quadratic equations as unknowns, independent at home or near it.
+
+        Raises:
+            ConfigurationError: there are too few.
+        """
+        most = 0
+        for q in self.problem.assembler.walked(self.problem.home):
+            Q, x = self._reduced(q)[0][rows], self.homogeneous(q)
+            J = np.einsum("mab,b->ma", Q + Q.transpose(0, 2, 1), x)[:, 1:]
+            picked = rows[np.sort(_pivots(J)[0])] if J.size else rows[:0]
+            if len(picked) == self.n:
+                self.start = q
+                return picked
+            most = max(most, len(picked))
+        raise ConfigurationError(
+            f"what is known leaves {self.n - most} freedoms of "
+            f"{self.problem.models.structure.mechanism.name} open: its solutions are no points"
+        )
 
     def _keeps_shape(self, equation: int, solved: set[int]) -> bool:
         condition = self.natural.conditions[equation]
