@@ -1,7 +1,9 @@
-"""Direct geometry by steps of one kernel: ``python -m benchmarks.direct_geometry`` [--json].
+"""What direct geometry costs: ``python -m benchmarks.direct_geometry`` [--json].
 
-A 6-UPS platform, its pose wanted for given leg lengths. Starts are off by about 1 % of the size of
-the platform. Figures that are compared are taken in turns, and medians are given.
+The robot is gough-stewart of the catalogue; `robot.direct_geometry` is asked for its pose at given
+leg lengths, from starts that are off by about 1 % of its size. Beside it stand the steps of a
+kernel written out for such a platform, and damped Newton steps by three kernels. Figures that are
+compared are taken in turns, and medians are given.
 """
 
 from __future__ import annotations
@@ -10,6 +12,7 @@ import argparse
 import json
 import statistics
 import timeit
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -17,8 +20,10 @@ from typing import Any
 import casadi
 import numpy as np
 
+import gough
 from benchmarks import six_ups
 from benchmarks.kernels import Repeated, in_turns, printed
+from gough.geometry.direct import PlatformNewton
 from gough.kernels import Kernel
 from gough.kernels.native.machine import host
 from gough.kernels.solves import lu_solve_with_determinant
@@ -28,6 +33,7 @@ from gough.numerics.newton import Ending
 from gough.numerics.stepping import ENDINGS, StepEnding, Stepper, step_batch
 
 SX = casadi.SX
+ROBOT = "gough-stewart"
 ROWS = (10_000, 200_000)
 """Poses in a batch: in the caches, and beyond them."""
 SAMPLES = 25
@@ -35,6 +41,8 @@ CALLS = 2000
 """Single calls in one sample."""
 DISPLACED = 0.01
 """Starts are off by up to this, m and rad."""
+WORKSPACE = 0.1
+"""Poses of the robot are off home's by up to this, m and rad."""
 
 
 def anchors() -> np.ndarray:
@@ -70,11 +78,8 @@ class Equations:
 
     @property
     def gap(self) -> SX:
-        """max |r|, and NaN where an entry is: a largest number alone may lose it."""
-        largest = SX(0)
-        for k in range(6):
-            largest = casadi.fmax(largest, casadi.fabs(self.r[k]))
-        return largest + 0 * casadi.sum1(self.r)
+        """|r|: a root of a sum of squares keeps a NaN, which a largest number may lose."""
+        return casadi.norm_2(self.r)
 
 
 def retracted(x: SX, step: SX) -> SX:
@@ -85,12 +90,12 @@ def retracted(x: SX, step: SX) -> SX:
 
 
 def step_kernel() -> Kernel:
-    """One Newton step: pose (7), lengths (6), anchors (36) -> pose, gap, determinant (9)."""
+    """One Newton step: pose (7), lengths (6), anchors (36) -> pose, gap, determinant, size (10)."""
     x, a, p = SX.sym("x", 7), SX.sym("a", 6), SX.sym("p", 36)
     equations = Equations(x, a, p)
     step, d = lu_solve_with_determinant(equations.J, -equations.r)
-    output = casadi.vertcat(retracted(x, step), equations.gap, d)
-    return Kernel("step", {"x": x, "a": a, "p": p}, output, (9,))
+    output = casadi.vertcat(retracted(x, step), equations.gap, d, casadi.norm_2(step))
+    return Kernel("step", {"x": x, "a": a, "p": p}, output, (10,))
 
 
 def newton_kernels() -> tuple[Kernel, Kernel, Kernel]:
@@ -121,58 +126,101 @@ def data(rows: int, seed: int = 0, displaced: float = DISPLACED) -> tuple[np.nda
     return poses, lengths(poses), starts
 
 
+@dataclass
+class Asked:
+    """What a robot is asked for: poses, their actuated positions, and starts near them."""
+
+    robot: gough.Robot
+    poses: np.ndarray
+    q_actuated: np.ndarray
+    near: np.ndarray
+
+    @classmethod
+    def of(cls, rows: int, seed: int = 0) -> Asked:
+        robot, rng = gough.load(ROBOT), np.random.default_rng(seed)
+        poses = moved(np.tile(robot.home.x, (rows, 1)), WORKSPACE, rng)
+        q = robot.inverse_geometry(poses)
+        lengths = robot._direct.direct.actuated.of(q)
+        return cls(robot, poses, lengths, moved(poses, DISPLACED, rng))
+
+
+def moved(poses: np.ndarray, far: float, rng: np.random.Generator) -> np.ndarray:
+    """Poses off others by up to ``far``, m and rad in each direction, (rows, 7)."""
+    by = far * rng.uniform(-1, 1, size=(len(poses), 7)) * [1, 1, 1, 0, 0.5, 0.5, 0.5]
+    found = poses + by
+    found[:, 3:] /= np.linalg.norm(found[:, 3:], axis=1)[:, None]
+    return found
+
+
 def batch(rows: int) -> dict[str, Any]:
     """Many poses at once, ns for a pose."""
-    step, (residual, jacobian, retraction) = step_kernel(), newton_kernels()
-    poses, a, starts = data(rows)
-    wide, scalar = step.addresses.wide, step.addresses.scalar
-    steps = partial(step_batch, wide, scalar, starts, a, anchors())
+    asked, step, (residual, jacobian, retraction) = Asked.of(rows), step_kernel(), newton_kernels()
+    _, a, starts = data(rows)
+    robot = partial(asked.robot._direct.solve, asked.q_actuated, asked.near)
+    steps = partial(step_batch, step, starts, a, anchors())
     damped = partial(
         solve_batch, residual.addresses.wide, jacobian.addresses.wide, starts, a, 6,
         retraction=retraction.addresses.wide, x_scale=np.ones(6),
     )  # fmt: skip
-    runs = {
+    runs: dict[str, Callable[[], Any]] = {
+        "direct_geometry": partial(asked.robot.direct_geometry, asked.q_actuated, asked.near)
+    }
+    runs |= {
         f"{name}, {label}": partial(solve, threads=threads)
-        for name, solve in (("steps", steps), ("solve_batch", damped))
+        for name, solve in (("robot", robot), ("steps", steps), ("solve_batch", damped))
         for label, threads in (("1 thread", 1), (f"{cores()} threads", cores()))
     }
-    found, other = steps(), damped()
-    closed = found.ended(StepEnding.closed)
+    own, found, other = asked.robot.direct_geometry(asked.q_actuated, asked.near), steps(), damped()
     return {
         "ns_per_solution": in_turns(runs, rows),
-        "closed": float(closed.mean()),
-        "steps": float(found.steps[closed].mean()),
-        "largest_error": float(abs(found.x - poses)[closed].max()),
+        "direct_geometry_largest_error": float(abs(own - asked.poses).max()),
+        "steps_closed": float(found.ended(StepEnding.closed).mean()),
+        "steps_mean": float(found.steps.mean()),
         "solve_batch_closed": float(other.ended(Ending.closed).mean()),
-        "solve_batch_steps": float(other.steps.mean()),
+        "solve_batch_mean": float(other.steps.mean()),
     }
 
 
 def kernel_alone() -> dict[str, Any]:
-    """One call of the step kernel, ns for a row."""
-    kernel, rows = step_kernel(), 128
-    _, a, starts = data(rows)
-    operands = [starts, a, np.tile(anchors(), (rows, 1))]
-    runs = {
-        "wide": Repeated(kernel, host().width, 100).on(operands, 9),
-        "scalar": Repeated(kernel, 1, 100).on(operands, 9),
+    """One call of each step kernel, ns for a row."""
+    rows = 128
+    asked, (_, a, starts) = Asked.of(rows), data(rows)
+    newton = asked.robot._direct.newton
+    assert isinstance(newton, PlatformNewton)
+    own, written = newton.step, step_kernel()
+    given = {
+        "robot": (own, [asked.near, asked.q_actuated]),
+        "written": (written, [starts, a, np.tile(anchors(), (rows, 1))]),
     }
-    return {"operations": kernel.tape.counts()["total"], "ns_per_row": in_turns(runs, 100 * rows)}
+    runs = {
+        f"{name}, {kind}": Repeated(kernel, width, 100).on(operands, 10)
+        for name, (kernel, operands) in given.items()
+        for kind, width in (("wide", host().width), ("scalar", 1))
+    }
+    operations = {name: kernel.tape.counts()["total"] for name, (kernel, _) in given.items()}
+    return {"operations": operations, "ns_per_row": in_turns(runs, 100 * rows)}
 
 
 def single() -> dict[str, float]:
-    """One call of a `Stepper` from Python, array in, array out, µs; many different starts."""
-    kernel = step_kernel()
-    _, a, starts = data(CALLS, seed=1)
-    pairs = [(start.copy(), own.copy()) for start, own in zip(starts, a, strict=True)]
+    """One call from Python, arrays in, array out, µs; many different starts."""
+    asked, (_, a, starts) = Asked.of(CALLS, 1), data(CALLS, seed=1)
+    stepper = Stepper(step_kernel(), 7, 6, anchors())
+    robot = asked.robot
+    given = {
+        "direct_geometry": [
+            (own.copy(), x.copy()) for own, x in zip(asked.q_actuated, asked.near, strict=True)
+        ],
+        "Stepper": [(x.copy(), own.copy()) for x, own in zip(starts, a, strict=True)],
+    }
+    assert all(robot._direct.quick(*pair) is not None for pair in given["direct_geometry"])
+    assert all(ENDINGS[stepper(*pair)[1]] is StepEnding.closed for pair in given["Stepper"])
+    calls = {"direct_geometry": robot.direct_geometry, "Stepper": stepper}
     found = {}
-    for name, address in zip(("scalar", "wide"), kernel.addresses, strict=True):
-        stepper = Stepper(address, 7, 6, anchors())
-        assert all(ENDINGS[stepper(*pair)[1]] is StepEnding.closed for pair in pairs[:100])
+    for name, call in calls.items():
 
-        def run(stepper: Stepper = stepper) -> None:
-            for start, own in pairs:
-                stepper(start, own)
+        def run(call: Callable[..., Any] = call, pairs: Any = given[name]) -> None:
+            for pair in pairs:
+                call(*pair)
 
         found[name] = statistics.median(timeit.repeat(run, number=1, repeat=SAMPLES)) / CALLS * 1e6
     return found

@@ -223,8 +223,12 @@ class Robot:
 
         Raises:
             OutOfReach: there is no solution near, or a singularity of type 2 lies between.
-            ConfigurationError: an argument has the wrong shape.
+            ConfigurationError: an argument has the wrong shape, entries that are not finite, or a
+                quaternion that does not have length 1.
         """
+        quick = self._direct.quick(q_actuated, near)
+        if quick is not None:
+            return quick
         from gough.geometry.direct import ENDINGS
 
         found = self._direct.solve(q_actuated, near)

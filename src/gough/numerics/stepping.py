@@ -11,14 +11,16 @@ A row takes steps until its gap is within tolerance. No step is damped, so start
 (`batch_newton` is for starts that are not), and two guards end a row that might reach a solution
 other than the one that belongs to its start:
 
-- it never leaves the side of the singularity on which it starts;
-- each step must be a quarter as long as the one before, or less. Where this holds from the first
-  step on, the start is inside a ball in which the solution is alone (Deuflhard 2004, 2.1: the ratio
-  of the first two steps estimates half of Kantorovich's number). To first order that number is
-  proportional to the change of the data that the start comes from, so that the straight way
-  between them passes too: the solution is the one that following the way in small steps leads to.
-  The test costs nothing at later steps, and there it sees what the estimate of the first has
-  missed.
+- it never leaves the side of the singularity on which it starts, or that it is given;
+- each step must be a quarter as long as the one before, or less. The ratio of the first two steps
+  estimates Kantorovich's number h by h / (2 - 2 h), exact at a fold, where h is 1/2 if the two
+  solutions meet and 1/3 if the ratio is a quarter (Deuflhard 2004, ch. 2). To first order h is
+  proportional to the change of a since the start was a solution, so that all smaller changes pass
+  too: the solution is the one that following a in small steps leads to. At later steps the test
+  costs nothing, and sees what the estimate of the first has missed.
+
+The equations for a smaller change may differ from those for a by more than a number to each, and
+the estimate is a local one; so the first step may have a largest length.
 
 A row's numbers are the same bits whatever the other rows, their order and the number of threads,
 and the same as those of a `Stepper`.
@@ -43,7 +45,7 @@ MAX_STEPS = 12
 GROWTHS = 3
 """So many times on end the gap may grow; a guess. After a long first step it may once or twice."""
 CONTRACTION = 0.25
-"""Longest step, in steps before, of a row that is near enough: Kantorovich's number is 1/2."""
+"""Longest step, in steps before, of a row that goes on: Kantorovich's number is 1/3 by then."""
 NOTHING = 1e-7
 """Steps up to this may be followed by any other: rounding is all there is. It is far above rounding
 unless the Jacobian's condition is beyond 1e8."""
@@ -118,6 +120,8 @@ def step_batch(
     threads: int | None = None,
     *,
     contraction: float = CONTRACTION,
+    longest: float = np.inf,
+    side: ArrayLike | None = None,
 ) -> Stepped:
     """Solve r(x; a, p) = 0 from each start.
 
@@ -131,6 +135,9 @@ def step_batch(
         threads: how many work on it; all cores for large batches by default. Results do not
             depend on it.
         contraction: longest step, in steps before, of a row that goes on; infinite for any.
+        longest: length of the longest first step, in the kernel's unit.
+        side: numbers with the sign that d has to have all the way, (rows,); 0, the default, for
+            that at the start.
 
     Raises:
         ValueError: an argument has the wrong shape or value; the message names it.
@@ -143,27 +150,31 @@ def step_batch(
         raise ValueError(f"x0 has shape {x.shape}, expected (rows, n) with n from 1 up")
     if len(own) != rows:
         raise ValueError(f"a has shape {own.shape}, expected ({rows}, k)")
+    sides = reals("side", np.zeros(rows) if side is None else side, ("rows",))
+    if sides.shape != (rows,):
+        raise ValueError(f"side has shape {sides.shape}, expected ({rows},)")
     found = Stepped(x.copy(), np.empty(rows), np.empty(rows, np.int8), np.empty(rows, np.int64))
-    limits = _limits(tolerance, max_steps, contraction)
-    solve = _solver(kernel.addresses, limits, own, shared, found)
+    limits = _limits(tolerance, max_steps, contraction, longest)
+    solve = _solver(kernel.addresses, limits, (own, shared, sides), found)
     in_parts(solve, rows, workers(rows * n >= PAYS_FROM, threads))
     return found
 
 
-Limits = tuple[float, int, int, float, float]
+Limits = tuple[float, int, int, float, float, float]
 
 
-def _limits(tolerance: float, max_steps: int, contraction: float) -> Limits:
+def _limits(tolerance: float, max_steps: int, contraction: float, longest: float) -> Limits:
     """The numbers of `stepping_loops.Rules`."""
-    return float(tolerance), int(max_steps), GROWTHS, float(contraction), NOTHING
+    return float(tolerance), int(max_steps), GROWTHS, float(contraction), NOTHING, float(longest)
 
 
 def _solver(
-    code: Code, limits: Limits, a: Array, p: Array, found: Stepped
+    code: Code, limits: Limits, data: tuple[Array, Array, Array], found: Stepped
 ) -> Callable[[int, int], None]:
     """What solves rows from one to before another in place; numba is loaded here."""
     from gough.numerics import stepping_loops as loops
 
+    a, p, _ = data
     n, k = found.x.shape[1], a.shape[1]
     kernels, rules = loops.Kernels(code.wide, code.scalar), loops.Rules(*limits)
 
@@ -177,8 +188,7 @@ def _solver(
             first,
             last,
             found.x,
-            a,
-            p,
+            *data,
             found.gap,
             found.ending,
             found.steps,
@@ -202,6 +212,7 @@ class Stepper:
         tolerance: largest gap of a solution, in the kernel's unit.
         max_steps: steps before giving up.
         contraction: longest step, in steps before, of a row that goes on; infinite for any.
+        longest: length of the longest first step, in the kernel's unit.
 
     Raises:
         ValueError: an argument has the wrong shape or value; the message names it.
@@ -217,6 +228,7 @@ class Stepper:
         max_steps: int = MAX_STEPS,
         *,
         contraction: float = CONTRACTION,
+        longest: float = np.inf,
     ) -> None:
         from gough.numerics import stepping_loops as loops
 
@@ -226,7 +238,7 @@ class Stepper:
         self.kernel, self.n, self.k = kernel, n, k
         shared = reals("p", p, ("m",))
         shape = loops.Shape(n, k, len(shared), 1)
-        rules = loops.Rules(*_limits(tolerance, max_steps, contraction))
+        rules = loops.Rules(*_limits(tolerance, max_steps, contraction, longest))
         self._reals, self._whole = loops.row_room(kernel.addresses.scalar, shape, rules, shared)
         self._step_row = loops.row_compiled()
 

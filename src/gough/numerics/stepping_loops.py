@@ -61,8 +61,13 @@ class Rules(NamedTuple):
     tolerance: float
     max_steps: int
     growths: int
+    """So many times on end the gap may grow."""
     contraction: float
+    """Longest step, in steps before."""
     nothing: float
+    """A step up to this may be followed by any other."""
+    longest: float
+    """Length of the longest first step."""
 
 
 class Rows(NamedTuple):
@@ -72,6 +77,8 @@ class Rows(NamedTuple):
     """Starts, then the best points."""
     a: Pointer
     p: Pointer
+    side: Pointer
+    """Numbers with the sign that determinants have to have; 0 for that at the start."""
     gap: Pointer
     ending: Pointer
     steps: Pointer
@@ -86,9 +93,9 @@ class Slots(NamedTuple):
     best: Pointer
     """The smallest gap so far."""
     side: Pointer
-    """The determinant at the point before, whose sign is that at the start; 0 at first."""
+    """The determinant at the point before, whose sign is that at the start; at first as given."""
     size: Pointer
-    """Of the step from the point before; 0 at first."""
+    """Of the step from the point before; at first such that the next may be the longest."""
     growths: Pointer
     """How many times on end the gap has grown."""
     steps: Pointer
@@ -128,8 +135,9 @@ def new_slots(shape: Shape, reals: Pointer, whole: Pointer) -> tuple[Slots, Turn
 
 @part
 def enter(
-    slots: Slots, points: Pointer, free: int, first: int, count: int, shape: Shape, rows: Rows
-) -> None:
+    slots: Slots, points: Pointer, free: int, first: int, count: int, shape: Shape, rows: Rows,
+    rules: Rules,
+) -> None:  # fmt: skip
     """Put rows from `first` on into slots from `free` on."""
     n, k = shape.n, shape.k
     place = pointer_to(points, free * (n + SAID))
@@ -141,8 +149,8 @@ def enter(
     for i in range(count):
         slots.gap[free + i] = np.inf
         slots.best[free + i] = np.inf
-        slots.side[free + i] = 0.0
-        slots.size[free + i] = 0.0
+        slots.side[free + i] = rows.side[first + i]
+        slots.size[free + i] = rules.longest / rules.contraction
         slots.growths[free + i] = 0
         slots.steps[free + i] = 0
         slots.row[free + i] = first + i
@@ -193,8 +201,8 @@ def crossed(side: float, d: float) -> bool:
 
 @part
 def is_far(before: float, size: float, rules: Rules) -> bool:
-    """Whether a step is too long after the one before; false after none, or next to none."""
-    return (before > rules.nothing) & (not size <= rules.contraction * before)
+    """Whether a step is too long after the one before, if that was not next to nothing."""
+    return (before > rules.nothing) & (size > rules.contraction * before)
 
 
 @part
@@ -312,7 +320,7 @@ def step_rows(kernels: Kernels, shape: Shape, rules: Rules, first: int, last: in
     while active or waiting < last:
         if REFILL * active <= shape.slots and waiting < last:
             count = min(shape.slots - active, last - waiting)
-            enter(slots, turn.points, active, waiting, count, shape, rows)
+            enter(slots, turn.points, active, waiting, count, shape, rows, rules)
             active += count
             waiting += count
         evaluate(kernels, slots, turn, active, shape, rows.p, table)
@@ -326,12 +334,12 @@ def _batch() -> Any:
     @compiled
     def batch(
         kernels: Kernels, shape: Shape, rules: Rules, first: int, last: int, x: Any, a: Any, p: Any,
-        gap: Any, ending: Any, steps: Any, reals: Any, whole: Any,
+        side: Any, gap: Any, ending: Any, steps: Any, reals: Any, whole: Any,
     ) -> None:  # fmt: skip
         assert sources  # so that it is in the key under which numba keeps the code
         rows = Rows(
-            pointer_to(x, 0), pointer_to(a, 0), pointer_to(p, 0), pointer_to(gap, 0),
-            pointer_to(ending, 0), pointer_to(steps, 0),
+            pointer_to(x, 0), pointer_to(a, 0), pointer_to(p, 0), pointer_to(side, 0),
+            pointer_to(gap, 0), pointer_to(ending, 0), pointer_to(steps, 0),
         )  # fmt: skip
         step_rows(
             kernels, shape, rules, first, last, rows, pointer_to(reals, 0), pointer_to(whole, 0)
@@ -348,7 +356,7 @@ class RowRoom(NamedTuple):
     """What `step_row` works with: a kernel, its data, and room; all of it in two arrays."""
 
     reals: Any
-    """Tolerance, contraction, nothing, gap, p, and the room."""
+    """Tolerance, contraction, nothing, longest, side, gap, p, and the room."""
     whole: Any
     """Address, n, k, m, max_steps, growths, ending, steps, and the room."""
 
@@ -357,7 +365,7 @@ def row_room(address: int, shape: Shape, rules: Rules, p: Any) -> RowRoom:
     """A room for rows of one kernel."""
     reals, whole = room(shape.n, shape.k, 1)
     sizes = (address, shape.n, shape.k, shape.m, rules.max_steps, rules.growths, 0, 0)
-    limits = (rules.tolerance, rules.contraction, rules.nothing, 0.0)
+    limits = (rules.tolerance, rules.contraction, rules.nothing, rules.longest, 0.0, 0.0)
     return RowRoom(
         np.concatenate([limits, p, np.zeros(reals)]),
         np.concatenate([sizes, np.zeros(whole)]).astype(np.int64),
@@ -372,14 +380,14 @@ def _row() -> Callable[..., Any]:
         address, n, k, m = whole[0], whole[1], whole[2], whole[3]
         if len(x) != n or len(a) != k:
             return WRONG_SIZE, 0
-        rules = Rules(reals[0], whole[4], whole[5], reals[1], reals[2])
+        rules = Rules(reals[0], whole[4], whole[5], reals[1], reals[2], reals[3])
         rows = Rows(
-            pointer_to(x, 0), pointer_to(a, 0), pointer_to(reals, 4), pointer_to(reals, 3),
-            pointer_to(whole, 6), pointer_to(whole, 7),
+            pointer_to(x, 0), pointer_to(a, 0), pointer_to(reals, 6), pointer_to(reals, 4),
+            pointer_to(reals, 5), pointer_to(whole, 6), pointer_to(whole, 7),
         )  # fmt: skip
         step_rows(
             Kernels(address, address), Shape(n, k, m, 1), rules, 0, 1, rows,
-            pointer_to(reals, 4 + m), pointer_to(whole, 8),
+            pointer_to(reals, 6 + m), pointer_to(whole, 8),
         )  # fmt: skip
         return whole[6], whole[7]
 
