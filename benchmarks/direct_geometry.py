@@ -23,7 +23,7 @@ import numpy as np
 import gough
 from benchmarks import six_ups
 from benchmarks.kernels import Repeated, in_turns, printed
-from gough.geometry.direct import PlatformNewton
+from gough.geometry.direct_steps import PlatformNewton
 from gough.kernels import Kernel
 from gough.kernels.native.machine import host
 from gough.kernels.solves import lu_solve_with_determinant

@@ -9,7 +9,8 @@ import gough
 from gough import catalogue
 from gough.errors import ConfigurationError, OutOfReach
 from gough.geometry import direct as module
-from gough.geometry.direct import ENDINGS, Found, NaturalNewton, PlatformNewton
+from gough.geometry.direct import ENDINGS, Found
+from gough.geometry.direct_steps import NaturalNewton, PlatformNewton
 from gough.kernels import Kernel
 from gough.numerics.stepping import StepEnding
 

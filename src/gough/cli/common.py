@@ -54,7 +54,7 @@ def seed_option(command: F) -> F:
     )(command)
 
 
-class Numbers(click.ParamType):
+class Numbers(click.ParamType):  # type: ignore[type-arg]
     """Numbers or expressions in one text, with commas or spaces between: 0.3, pi/4."""
 
     name = "numbers"

@@ -358,13 +358,13 @@ class InverseGeometry:
                 f"the legs of {self.models.structure.mechanism.name} have no closed form that is "
                 "known here; inverse_geometry follows one working mode"
             )
-        near = self._starts(near, ())[0]
+        start = self._starts(near, ())[0]
         x = self.checked(x)
         if x.ndim != 1:
             raise ConfigurationError(f"x has shape {x.shape}, expected one pose")
         signs = self._choices()
         rows = np.broadcast_to(x, (len(signs), len(x)))
-        q, ending, reasons = self._in_closed_form(rows, np.tile(near, (len(signs), 1)), signs)
+        q, ending, reasons = self._in_closed_form(rows, np.tile(start, (len(signs), 1)), signs)
         kept = ending == 0
         actuated = Coordinates(self.models, "actuated")
         short = () if kept.any() else tuple(sorted(set(reasons)))
@@ -376,7 +376,7 @@ class InverseGeometry:
             signs[kept].astype(np.int8),
             labels,
             tuple(actuated.names),
-            _word(self.signs(near)),
+            _word(self.signs(start)),
             short,
         )
 
