@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     from gough.geometry.assembly_modes import AssemblyModes, DirectProblem
     from gough.geometry.direct import DirectGeometry
     from gough.geometry.inverse import InverseGeometry, InverseSolution, WorkingModes
+    from gough.geometry.path_reports import Given, Track
+    from gough.geometry.path_routes import Path as Path_
     from gough.geometry.rates import Kinematics
+    from gough.geometry.tracking import OnSingularity, Tracker
 
 Array = NDArray[np.float64]
 
@@ -278,6 +281,37 @@ class Robot:
             return found.q, found.reached
 
         return workspace_map(self.kinematics, inverse, measures, **axes)
+
+    @cached_property
+    def _tracker(self) -> Tracker:
+        from gough.geometry.tracking import Tracker
+
+        outputs = bool(self.structure.columns("operational"))
+        return Tracker(self.kinematics, self._inverse if outputs else None)
+
+    def track(
+        self,
+        path: Path_,
+        of: Given = "outputs",
+        near: ArrayLike | None = None,
+        on_singularity: OnSingularity = "stop",
+        samples: int = 101,
+    ) -> Track:
+        """Follow a path through closed configurations on one mode, each step proved.
+
+        Args:
+            path: waypoints, (m, n), joined by straight lines, or a function of s in [0, 1] that
+                gives coordinates, (n,).
+            of: what the path is of: "outputs", operational coordinates, or "inputs", positions of
+                the actuated joints.
+            near: the configuration to start from, (positions,); home by default.
+            on_singularity: whether to "stop" at the first one or to "continue" where that can be.
+            samples: rows of the result.
+
+        Raises:
+            ConfigurationError: an argument has the wrong shape or value.
+        """
+        return self._tracker.follow(path, of, near, on_singularity, samples)
 
     # programs
 

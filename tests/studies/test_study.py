@@ -22,6 +22,11 @@ from gough.studies.sections import subject
 from gough.studies.sweep import Sweep, sweep
 
 POINTS = 5
+PICTURES = {
+    "four-bar": ["working-modes"],
+    "2rpr": ["velocity-factors"],
+    "five-bar": ["working-modes", "velocity-factors"],
+}
 
 
 class Balance(HTMLParser):
@@ -72,7 +77,7 @@ def report(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 def test_the_folder_holds_page_data_and_pictures_and_nothing_else(report: Path) -> None:
     found = {str(p.relative_to(report)) for p in report.rglob("*") if p.is_file()}
-    names = ["robot", "singular-values", "sweep"]
+    names = ["robot", "singular-values", "sweep", "assembly-modes", *PICTURES[report.name]]
     pictures = {f"pictures/{name}.{kind}" for name in names for kind in ("svg", "png")}
     assert found == {"report.html", "report.json"} | pictures
     assert all(path.stat().st_size > 1000 for path in report.rglob("*.*") if path.is_file())

@@ -44,6 +44,8 @@ SATISFIED = 1e-7
 """Largest residual, relative, of equations that a complex solution has to satisfy besides."""
 NEARLY_REAL = 1e-8
 """Largest imaginary part, relative, of a solution that counts as real without proof."""
+PLATFORM = ("pose", "platform")
+"""Kinds of unknowns that are the platform's."""
 SHOWN = 8
 """Joints in the table of a mechanism without outputs."""
 SAMPLES = 8
@@ -356,7 +358,7 @@ class DirectProblem:
     def _key(self) -> bytes:
         pattern = self.closure.pattern
         parts = (pattern.rows, pattern.left, pattern.right, np.round(self._samples, 9) + 0.0)
-        return digest(*(part.tobytes() for part in parts), "start set 2")
+        return digest(*(part.tobytes() for part in parts), "start set 3")
 
     def _search(self) -> monodromy.StartSet:
         pattern, samples = self.closure.pattern, self._samples
@@ -404,9 +406,20 @@ class _Ends:
         found = x[finite & regular]
         found = monodromy.distinct(found) if len(found) else found
         self.saturated = start.complete and len(found) == len(start.x)
-        if start.complete and not len(self.closure.others):
+        told_apart = self._by_platform(found)
+        if start.complete and not len(self.closure.others) and len(told_apart) == len(found):
             self.expected = (len(start.x),)
-        return found
+        return told_apart
+
+    def _by_platform(self, x: Complex) -> Complex:
+        """Solutions of different poses of the platform, where all of its unknowns are left."""
+        natural = self.closure.natural
+        kinds = [u for u, unknown in enumerate(natural.unknowns) if unknown.kind in PLATFORM]
+        if not kinds or not set(kinds) <= set(self.closure.left) or len(x) < 2:
+            return x
+        full = x @ self.T.T
+        places = [0, *(self.closure.place[u] for u in kinds)]
+        return np.asarray(x[monodromy.first_of_each(full[:, places])])
 
     def _count_ends(self, finite: Mask, regular: Mask) -> None:
         for name, mask in (("at infinity", ~finite), ("at a singular solution", finite & ~regular)):

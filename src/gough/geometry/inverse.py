@@ -199,7 +199,7 @@ class InverseGeometry:
         return self.branches is not None
 
     @cached_property
-    def _kernel(self) -> Kernel:
+    def kernel(self) -> Kernel:
         """Values of the unknowns, then side, margin, short and long of each branch."""
         assert self.branches is not None
         assert self.problem is not None
@@ -226,11 +226,11 @@ class InverseGeometry:
         count = len(self.branches.branches) if self.branches else 0
         signs = np.ones(count)
         for _ in range(count):
-            sides = self._parted(self._kernel(q, self.assembler.p, signs))[1][..., 0]
+            sides = self.parted(self.kernel(q, self.assembler.p, signs))[1][..., 0]
             signs = np.where(sides < 0, -1.0, 1.0)
         return signs.astype(np.int8)
 
-    def _parted(self, found: Array) -> tuple[Array, Array]:
+    def parted(self, found: Array) -> tuple[Array, Array]:
         """Unknowns, and (side, margin, short, long) of each branch."""
         assert self.problem is not None
         assert self.branches is not None
@@ -254,7 +254,7 @@ class InverseGeometry:
         starts = self._starts(near, x.shape[:-1])
         rows = x.reshape(len(starts), x.shape[-1])
         if self.closed_form:
-            q, ending, reasons = self._in_closed_form(rows, starts)
+            q, ending, reasons = self.in_closed_form(rows, starts)
         else:
             q, ending, reasons = self._by_steps(rows, starts, threads)
         return InverseSolution(
@@ -289,16 +289,17 @@ class InverseGeometry:
                 x[..., k : k + 4] = _unit_quaternions(x[..., k : k + 4])
         return x
 
-    def _in_closed_form(
+    def in_closed_form(
         self, x: Array, near: Array, signs: Array | None = None
     ) -> tuple[Array, NDArray[np.int8], list[str]]:
+        """Configurations, endings and reasons of rows, on the branches of near or on given ones."""
         if signs is None:
             base = near if np.any(near != near[:1]) else near[:1]
             count = len(self.branches.branches) if self.branches else 0
             signs = np.array([self.signs(q) for q in base]).reshape(len(base), count)
         start = self.coordinates.put(near, x)
         signs = np.broadcast_to(signs, (len(x), signs.shape[-1])).astype(float)
-        unknowns, parts = self._parted(self._kernel(start, self.assembler.p, signs))
+        unknowns, parts = self.parted(self.kernel(start, self.assembler.p, signs))
         q = self.placing.configurations(start, unknowns, near)
         reachable = np.all(parts[..., 1] >= 0, axis=-1)
         closed = self.assembler.gaps(q) <= CLOSED
@@ -314,7 +315,7 @@ class InverseGeometry:
         for branch, (_, margin, short, long) in zip(self.branches.branches, parts, strict=True):
             if margin >= 0:
                 continue
-            leg = self._leg(branch.source)
+            leg = self.leg_of(branch.source)
             if branch.short is None:
                 texts.append(f"{leg} does not reach the pose")
             elif short > 0:
@@ -323,7 +324,7 @@ class InverseGeometry:
                 texts.append(f"{leg} is {_length(long)} too long")
         return "; ".join(texts) or Reached.impossible.value
 
-    def _leg(self, part: str) -> str:
+    def leg_of(self, part: str) -> str:
         """The leg that a body or a joint belongs to, else the part itself."""
         legs = self.models.structure.legs
         return next((leg.name for leg in legs if part in leg.bodies + leg.joints), part)
@@ -364,11 +365,11 @@ class InverseGeometry:
             raise ConfigurationError(f"x has shape {x.shape}, expected one pose")
         signs = self._choices()
         rows = np.broadcast_to(x, (len(signs), len(x)))
-        q, ending, reasons = self._in_closed_form(rows, np.tile(start, (len(signs), 1)), signs)
+        q, ending, reasons = self.in_closed_form(rows, np.tile(start, (len(signs), 1)), signs)
         kept = ending == 0
         actuated = Coordinates(self.models, "actuated")
         short = () if kept.any() else tuple(sorted(set(reasons)))
-        labels = tuple(self._leg(branch.source) for branch in self.branches.branches)
+        labels = tuple(self.leg_of(branch.source) for branch in self.branches.branches)
         return WorkingModes(
             self.models.structure.mechanism.name,
             q[kept],

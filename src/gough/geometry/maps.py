@@ -81,7 +81,7 @@ def workspace_map(
         values = _values(getattr(kinematics, name), q, regular, sizes)
         unit = _unit(kinematics, name)
         about = _about(MEASURES[name], unit)
-        data[name] = ([*dims, *extra], values.reshape(*shape, *values.shape[1:]), about)
+        data[name] = ([*dims, *extra], values.reshape((*shape, *values.shape[1:])), about)
     return xarray.Dataset(data, coords=_coordinates(kinematics, grid))
 
 

@@ -169,9 +169,15 @@ def regular(pattern: Quadratics, c: NDArray[np.number], x: Complex) -> NDArray[n
 def distinct(x: Complex) -> Complex:
     """Solutions of unit length, each once, in the order of their first."""
     x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    return np.asarray(x[first_of_each(x)])
+
+
+def first_of_each(x: Complex) -> list[int]:
+    """The first of all rays that are the same, by their places, (rays, n)."""
+    x = x / np.linalg.norm(x, axis=1, keepdims=True)
+    alike = np.abs(x.conj() @ x.T) > 1 - SAME**2 / 2
     kept: list[int] = []
-    closeness = np.abs(x.conj() @ x.T) > 1 - SAME**2 / 2
     for k in range(len(x)):
-        if not closeness[k, kept].any():
+        if not alike[k, kept].any():
             kept.append(k)
-    return np.asarray(x[kept])
+    return kept

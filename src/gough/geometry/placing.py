@@ -53,10 +53,12 @@ class Placing:
         """
         near = np.broadcast_to(near, q.shape)
         reference = self._base_poses(near)
-        data = self._data(q, unknowns, self._signs(q, unknowns, reference))
-        turns = self._turns(data, reference)
-        poses = self._poses(data, turns)
-        return self._positions(poses, near)
+        # rows whose vectors have no direction come out as not finite
+        with np.errstate(all="ignore"):
+            data = self._data(q, unknowns, self._signs(q, unknowns, reference))
+            turns = self._turns(data, reference)
+            poses = self._poses(data, turns)
+            return self._positions(poses, near)
 
     # what the equations say
 

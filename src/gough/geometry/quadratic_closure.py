@@ -52,10 +52,10 @@ class QuadraticClosure:
 
     @cached_property
     def _coefficients(self) -> Kernel:
-        return self.problem.kernel("closure_coefficients", [value for *_, value in self._terms])
+        return self.problem.kernel("closure_coefficients", [value for *_, value in self.terms])
 
     @cached_property
-    def _terms(self) -> list[tuple[int, int, int, Scalar]]:
+    def terms(self) -> list[tuple[int, int, int, Scalar]]:
         """Equation, factors (0 is the homogenising unknown) and coefficient of each term."""
         return [
             (i, *self._factors(key), value)
@@ -81,7 +81,7 @@ class QuadraticClosure:
         """Scaled equations as matrices, (equations, 1 + left, 1 + left), upper triangles."""
         count = len(self.natural.conditions)
         full = np.zeros((count, len(self.size), len(self.size)))
-        if self._terms:
+        if self.terms:
             rows, left, right = self._indices
             values = self._coefficients(q, self.problem.assembler.p)
             full[rows, left, right] = values * self.size[left] * self.size[right]
@@ -134,7 +134,8 @@ class QuadraticClosure:
 
     @cached_property
     def _indices(self) -> tuple[Whole, Whole, Whole]:
-        rows, left, right = np.array([term[:3] for term in self._terms], dtype=np.int64).T
+        terms = np.array([term[:3] for term in self.terms], dtype=np.int64)
+        rows, left, right = terms.reshape(-1, 3).T
         return rows, left, right
 
     def _choose(self) -> None:

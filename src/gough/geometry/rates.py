@@ -314,7 +314,8 @@ class Kinematics:
     def determinant_sign(self, q: ArrayLike) -> Array:
         """Sign of the determinant of the direct kinematics, 1 at home: (*batch), 1, -1 or 0.
 
-        It changes where the outputs gain a motion with the motors locked (type 2).
+        It changes where the outputs gain a motion with the motors locked (type 2), and where
+        passive joints alone do, as where a leg points along the first axis of its universal joint.
 
         Raises:
             ConfigurationError: a row is open; the mechanism has no square direct kinematics.

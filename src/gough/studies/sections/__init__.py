@@ -4,7 +4,16 @@ from collections.abc import Callable
 
 from gough.studies.context import Context
 from gough.studies.report import Section
-from gough.studies.sections import analysis, home, loops, singular_values, subject, sweep
+from gough.studies.sections import (
+    analysis,
+    geometry,
+    home,
+    loops,
+    singular_values,
+    subject,
+    sweep,
+    velocity_factors,
+)
 
 SECTIONS: tuple[Callable[[Context], Section], ...] = (
     subject.section,
@@ -13,5 +22,7 @@ SECTIONS: tuple[Callable[[Context], Section], ...] = (
     analysis.section,
     singular_values.section,
     sweep.section,
+    geometry.section,
+    velocity_factors.section,
 )
 """In the order of the report."""
