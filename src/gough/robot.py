@@ -189,7 +189,7 @@ class Robot:
         return position_names(self.models)
 
     def _direct_problem(self, motion: str = "home") -> DirectProblem:
-        if motion not in self._direct_problems:
+        if not isinstance(motion, str) or motion not in self._direct_problems:
             from gough.geometry.assembly_modes import DirectProblem
 
             self._direct_problems[motion] = DirectProblem(

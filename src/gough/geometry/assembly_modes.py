@@ -27,7 +27,7 @@ from gough.geometry.quadratic_closure import QuadraticClosure
 from gough.geometry.six_leg_platforms import SixLegPlatform
 from gough.geometry.six_legs import LegEquations, SixLegs
 from gough.models import Models
-from gough.numerics.certificates import Certificates, certify
+from gough.numerics.certificates import Certificates, Verdict, certify
 from gough.numerics.path_tracking import PathEnding, track_carefully
 
 Array = NDArray[np.float64]
@@ -42,10 +42,10 @@ CLOSED = 1e-8
 """Largest closure residual of a mode: sines, characteristic lengths."""
 SATISFIED = 1e-7
 """Largest residual, relative, of equations that a complex solution has to satisfy besides."""
-NEARLY_REAL = 1e-8
-"""Largest imaginary part, relative, of a solution that counts as real without proof."""
-PLATFORM = ("pose", "platform")
-"""Kinds of unknowns that are the platform's."""
+NEARLY_REAL = 1e-5
+"""Largest imaginary part, relative, of a solution whose real part is tried without proof."""
+ALIKE = 1e-7
+"""Poses, or positions, that differ by less are one: rad, characteristic lengths."""
 SHOWN = 8
 """Joints in the table of a mechanism without outputs."""
 SAMPLES = 8
@@ -197,15 +197,7 @@ class DirectProblem:
 
     def checked(self, q_actuated: ArrayLike) -> Array:
         """The actuated positions as an array."""
-        given = np.asarray(q_actuated, dtype=float)
-        if given.shape != (len(self.actuated),):
-            names = ", ".join(self.actuated.names)
-            raise ConfigurationError(
-                f"q_actuated has shape {given.shape}, expected ({len(self.actuated)},): {names}"
-            )
-        if not np.all(np.isfinite(given)):
-            raise ConfigurationError("q_actuated has entries that are not finite")
-        return given
+        return self.actuated.numbers("q_actuated", q_actuated, self.assembler.length, batch=False)
 
     # six legs
 
@@ -268,30 +260,57 @@ class DirectProblem:
         rows = np.tile(q, (len(ends.real), 1))
         near = self.home
         found = self.placing.configurations(rows, ends.real, near)
-        gaps = self.assembler.gaps(found)
-        closed = gaps <= CLOSED
+        closed = self.assembler.gaps(found) <= CLOSED
+        missed = int(np.sum(~closed & ends.surely))
         found, certified = found[closed], ends.certified[closed]
-        order = self._order(found)
-        found, certified = found[order], certified[order]
-        dropped = int(np.sum(~closed))
+        kept = self._told_apart(found)
+        found, certified = found[kept], certified[kept]
         return AssemblyModes(
             self.models.structure.mechanism.name,
             given,
             self.operational.of(found),
             self._poses(found),
             certified,
-            "expected" if ends.saturated else "found",
-            ends.count - dropped,
+            "expected" if ends.saturated and not missed else "found",
+            ends.count,
             ends.expected,
             ends.endings,
-            self._notes(ends),
+            self._notes(ends, missed),
             tuple(self.operational.names),
             self._position_names,
             lambda: found,
         )
 
-    def _notes(self, ends: _Ends) -> tuple[str, ...]:
+    def _told_apart(self, q: Array) -> list[int]:
+        """Configurations of different poses of the platform, or of bodies without one, in order.
+
+        Of those with one pose, that nearest to home. Outputs fall, the first first.
+        """
+        if not len(q):
+            return []
+        away = [self.assembler.distance(row, self.home) for row in q]
+        poses = self._poses(q)
+        keys = poses if len(poses) else q / self.assembler.position_scale
+        keys = keys / ([self.assembler.length] * 3 + [1] * 4) if len(poses) else keys
+        kept: list[int] = []
+        for k in np.argsort(away, kind="stable").tolist():
+            if not any(np.max(np.abs(keys[k] - keys[other])) < ALIKE for other in kept):
+                kept.append(k)
+        order = self._order(q[kept])
+        return [kept[k] for k in order]
+
+    def _notes(self, ends: _Ends, missed: int) -> tuple[str, ...]:
         notes = []
+        if missed:
+            notes.append(f"{missed} real solutions could not be placed; the list lacks them")
+        if ends.ways > 1:
+            notes.append(
+                f"passive joints fit each mode in {ends.ways} ways; the nearest to home is given"
+            )
+        if ends.singular:
+            notes.append(
+                "some modes may be at a singularity of type 2, where two or more meet: not proved"
+            )
         if self.turn is not None:
             notes.append(
                 "the platform keeps the orientation of home; motion='any' lists modes in which it "
@@ -317,12 +336,15 @@ class DirectProblem:
             return np.zeros((0, 7))
         from gough.joints import Free
 
-        T = self.models.poses(q, self.assembler.p)[:, structure.bodies.index(platform)]
+        poses = self.models.poses(q, self.assembler.p)
+        T = poses[:, structure.bodies.index(platform)]
+        if structure.mechanism.floating:
+            T = np.linalg.inv(poses[:, structure.bodies.index(structure.mechanism.base)]) @ T
         poses = Free().measured(T, {})
         return np.where(poses[:, 3:4] < 0, np.concatenate([poses[:, :3], -poses[:, 3:]], 1), poses)
 
     def _order(self, q: Array) -> NDArray[np.intp]:
-        """Nearest to home first, in the order of operational coordinates where there are any."""
+        """Falling outputs, or positions where there are none; the first counts first."""
         keys = self.operational.of(q) if len(self.operational) else q
         rounded = np.round(keys / 1e-9) * 1e-9
         return np.lexsort(-rounded.T[::-1]) if keys.shape[1] else np.arange(len(q))
@@ -357,8 +379,9 @@ class DirectProblem:
     @property
     def _key(self) -> bytes:
         pattern = self.closure.pattern
-        parts = (pattern.rows, pattern.left, pattern.right, np.round(self._samples, 9) + 0.0)
-        return digest(*(part.tobytes() for part in parts), "start set 3")
+        samples = np.round(self._samples, 9) + 0.0
+        parts = (pattern.rows, pattern.left, pattern.right, self.closure.loose, samples)
+        return digest(*(part.tobytes() for part in parts), "start set 4")
 
     def _search(self) -> monodromy.StartSet:
         pattern, samples = self.closure.pattern, self._samples
@@ -373,8 +396,11 @@ class _Ends:
     Attributes:
         real: the unknowns left, of each real solution, (k, left).
         certified: which of them are proved, (k,).
-        count: finite distinct complex solutions that satisfy every equation.
+        surely: which of them certainly are solutions, (k,).
+        singular: whether some are only nearly real, or not regular.
+        count: finite complex solutions that satisfy every equation, told apart by the platform.
         surplus: those that do not satisfy every equation.
+        ways: in how many ways passive joints fit each of them.
         saturated: whether every path of a complete start set ended at a solution of its own.
     """
 
@@ -382,6 +408,7 @@ class _Ends:
         self.direct, self.closure = direct, direct.closure
         c, self.T = self.closure.coefficients(q)
         self.endings: dict[str, int] = {}
+        self.blurred = np.zeros((0, 1 + self.closure.n), dtype=complex)
         self.saturated = self.closure.n == 0
         self.expected: tuple[int, ...] = ()
         self.q = q
@@ -389,7 +416,10 @@ class _Ends:
         satisfied = self._satisfied(x)
         self.surplus = int(np.sum(~satisfied))
         x = x[satisfied]
-        self.count = len(x)
+        self.count = self._poses(x)
+        self.ways = len(x) // self.count if self.count else 1
+        if self.ways > 1:
+            self.expected = ()
         self._prove(x)
 
     def _tracked(self, c: Array) -> Complex:
@@ -403,23 +433,21 @@ class _Ends:
         finite = np.abs(x[:, 0]) > monodromy.FINITE
         regular = monodromy.regular(pattern, c, x) if len(x) else finite
         self._count_ends(finite, regular)
+        self.blurred = x[finite & ~regular]
         found = x[finite & regular]
         found = monodromy.distinct(found) if len(found) else found
         self.saturated = start.complete and len(found) == len(start.x)
-        told_apart = self._by_platform(found)
-        if start.complete and not len(self.closure.others) and len(told_apart) == len(found):
+        if start.complete and not len(self.closure.others):
             self.expected = (len(start.x),)
-        return told_apart
+        return found
 
-    def _by_platform(self, x: Complex) -> Complex:
-        """Solutions of different poses of the platform, where all of its unknowns are left."""
-        natural = self.closure.natural
-        kinds = [u for u, unknown in enumerate(natural.unknowns) if unknown.kind in PLATFORM]
-        if not kinds or not set(kinds) <= set(self.closure.left) or len(x) < 2:
-            return x
-        full = x @ self.T.T
-        places = [0, *(self.closure.place[u] for u in kinds)]
-        return np.asarray(x[monodromy.first_of_each(full[:, places])])
+    def _poses(self, x: Complex) -> int:
+        """How many poses of the platform there are among solutions; all of them without one."""
+        poses = self.closure.platform(self.q, x @ self.T.T) if len(x) else None
+        if poses is None:
+            return len(x)
+        poses = poses / np.maximum(np.abs(poses).max(axis=0), 1e-12)
+        return len(monodromy.first_of_each(poses))
 
     def _count_ends(self, finite: Mask, regular: Mask) -> None:
         for name, mask in (("at infinity", ~finite), ("at a singular solution", finite & ~regular)):
@@ -436,20 +464,24 @@ class _Ends:
         return np.asarray(np.max(np.abs(rest), axis=1) <= SATISFIED * size)
 
     def _prove(self, x: Complex) -> None:
-        """Keep the real solutions, and say which are proved."""
-        affine = x @ self.T.T
+        """Keep the real solutions, and say which are proved.
+
+        Solutions that are real but for rounding, as near singularities, count by their real part;
+        whether loops close there is told later.
+        """
+        affine = np.asarray(np.concatenate([x, self.blurred]) @ self.T.T, dtype=complex)
         found = self._certificates(affine)
-        real, proved = found.real.copy(), found.real & found.distinct
+        real, proved = found.real, found.real & found.distinct
         scaled = affine / affine[:, :1]
-        nearly = np.max(np.abs(scaled.imag), axis=1, initial=0.0) <= NEARLY_REAL * np.max(
-            np.abs(scaled), axis=1, initial=1.0
-        )
-        keep = real | (nearly & ~found.proved)
-        centres = np.where(real[:, None], found.x, affine) if len(x) else affine
+        size = np.max(np.abs(scaled), axis=1, initial=1.0)
+        nearly = np.max(np.abs(scaled.imag), axis=1, initial=0.0) <= NEARLY_REAL * size
+        keep = real | (nearly & (found.verdict != Verdict.not_real))
+        centres = np.where(real[:, None], found.x, affine)
         values = (centres / np.where(centres[:, :1] == 0, 1, centres[:, :1])).real
         self.real = (values * self.closure.size)[keep][:, 1:]
-        whole = not len(self.closure.others)
-        self.certified = proved[keep] & whole
+        self.certified = proved[keep] & (not len(self.closure.others))
+        self.surely = real[keep]
+        self.singular = bool(np.any(~real[keep]))
 
     def _certificates(self, affine: Complex) -> Certificates:
         pattern, c, errors = self.closure.proof(self.q)

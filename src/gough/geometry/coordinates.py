@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gough.algebra import Matrix
 from gough.assembly import Assembler
+from gough.errors import ConfigurationError
 from gough.models import Models
 from gough.topology import Role
 
@@ -75,6 +76,39 @@ class Coordinates:
             values[place] = _rotation_vector(q[quaternion])[axis]
         return casadi.vertcat(*values) if values else casadi.SX(0, 1)
 
+    def numbers(self, name: str, given: ArrayLike, length: float, *, batch: bool = True) -> Array:
+        """Coordinates that a person gives as an array, (*batch, n) or (n,).
+
+        Args:
+            name: of the argument, for messages.
+            given: the coordinates.
+            length: the characteristic length, m.
+            batch: whether there may be more than one set.
+
+        Raises:
+            ConfigurationError: the shape is wrong, or a value is no number, not finite, or a length
+                far beyond the mechanism.
+        """
+        names = ", ".join(self.names)
+        try:
+            values = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            raise ConfigurationError(f"{name} is {given!r}, expected numbers: {names}") from None
+        n = len(self)
+        if values.ndim == 0 or values.shape[-1] != n or (values.ndim > 1 and not batch):
+            shape = f"(..., {n})" if batch else f"({n},)"
+            raise ConfigurationError(f"{name} has shape {values.shape}, expected {shape}: {names}")
+        if not np.all(np.isfinite(values)):
+            raise ConfigurationError(f"{name} has entries that are not finite")
+        lengths = [k for k, unit in enumerate(self.units) if unit == "m"]
+        most = np.abs(values[..., lengths]).max(initial=0.0)
+        if most > FARTHEST * length:
+            raise ConfigurationError(
+                f"{name} has a length of {most:.3g} m, more than {FARTHEST:g} times the size of "
+                f"the mechanism, {length:.3g} m"
+            )
+        return values
+
     def put(self, q: Array, x: Array) -> Array:
         """Configurations with these coordinates and all else as in q, (*batch, positions).
 
@@ -122,6 +156,8 @@ def position_names(models: Models) -> tuple[str, ...]:
     return tuple(names)
 
 
+FARTHEST = 1e6
+"""Lengths of more characteristic lengths are refused: their squares would swamp all others."""
 CONSTANT = 1e-9
 """How much a coordinate may change on a motion that leaves it constant, m or rad."""
 
@@ -171,7 +207,10 @@ def constant_turn(models: Models, assembler: Assembler, q: Array) -> Matrix | No
     platform = structure.mechanism.platform
     if platform is None or len(q) < 2:
         return None
-    R = models.poses(q, assembler.p)[:, structure.bodies.index(platform), :3, :3]
+    poses = models.poses(q, assembler.p)[..., :3, :3]
+    R = poses[:, structure.bodies.index(platform)]
+    if structure.mechanism.floating:
+        R = np.swapaxes(poses[:, structure.bodies.index(structure.mechanism.base)], 1, 2) @ R
     if structure.mechanism.motion == "planar" or np.max(np.ptp(R, axis=0)) > CONSTANT:
         return None
     rows = np.where(np.abs(R[0] - np.round(R[0])) < 1e-12, np.round(R[0]), R[0])

@@ -32,6 +32,9 @@ CLOSED = 1e-9
 """Largest closure residual of a configuration that counts: sines, characteristic lengths."""
 PARTS = 8
 """Parts of the way that Newton steps follow to keep a mode; a guess."""
+COMES_BACK = 1e-5
+"""How near to home a closed form has to lead from home's own outputs; rounding, near singularities
+that of square roots."""
 MOST_MODES = 4096
 """Branches beyond this many are refused."""
 
@@ -193,10 +196,14 @@ class InverseGeometry:
             self._symbols.append(casadi.SX.sym("sign"))
             yield self._symbols[-1]
 
-    @property
+    @cached_property
     def closed_form(self) -> bool:
-        """Whether every leg is solved in closed form."""
-        return self.branches is not None
+        """Whether every leg is solved in closed form, and home comes back from its outputs."""
+        if self.branches is None:
+            return False
+        x = self.coordinates.of(self.home)[None]
+        q, ending, _ = self.in_closed_form(x, self.home[None])
+        return bool(ending[0] == 0) and self.assembler.distance(q[0], self.home) < COMES_BACK
 
     @cached_property
     def kernel(self) -> Kernel:
@@ -263,8 +270,11 @@ class InverseGeometry:
 
     def _starts(self, near: ArrayLike | None, batch: tuple[int, ...]) -> Array:
         """A configuration for each row of a batch, (rows, positions)."""
-        given = self.home if near is None else np.asarray(near, dtype=float)
         n = len(self.home)
+        try:
+            given = self.home if near is None else np.asarray(near, dtype=float)
+        except (TypeError, ValueError):
+            raise ConfigurationError(f"near is {near!r}, expected joint positions") from None
         try:
             starts = np.broadcast_to(given, (*batch, n))
         except ValueError:
@@ -276,14 +286,7 @@ class InverseGeometry:
 
     def checked(self, x: ArrayLike) -> Array:
         """Operational coordinates as an array, quaternions of length 1."""
-        x = np.asarray(x, dtype=float)
-        n = len(self.coordinates)
-        if x.ndim == 0 or x.shape[-1] != n:
-            names = ", ".join(self.coordinates.names)
-            raise ConfigurationError(f"x has shape {x.shape}, expected (..., {n}): {names}")
-        if not np.all(np.isfinite(x)):
-            raise ConfigurationError("x has entries that are not finite")
-        x = np.array(x)
+        x = self.coordinates.numbers("x", x, self.assembler.length)
         for k, name in enumerate(self.coordinates.names):
             if name.rpartition(".")[2] == "qw":
                 x[..., k : k + 4] = _unit_quaternions(x[..., k : k + 4])
@@ -354,7 +357,7 @@ class InverseGeometry:
         Raises:
             ConfigurationError: not every leg has a closed form.
         """
-        if self.branches is None:
+        if self.branches is None or not self.closed_form:
             raise ConfigurationError(
                 f"the legs of {self.models.structure.mechanism.name} have no closed form that is "
                 "known here; inverse_geometry follows one working mode"
@@ -366,7 +369,7 @@ class InverseGeometry:
         signs = self._choices()
         rows = np.broadcast_to(x, (len(signs), len(x)))
         q, ending, reasons = self.in_closed_form(rows, np.tile(start, (len(signs), 1)), signs)
-        kept = ending == 0
+        kept = (ending == 0) & self._first_of_each(q)
         actuated = Coordinates(self.models, "actuated")
         short = () if kept.any() else tuple(sorted(set(reasons)))
         labels = tuple(self.leg_of(branch.source) for branch in self.branches.branches)
@@ -381,7 +384,17 @@ class InverseGeometry:
             short,
         )
 
+    def _first_of_each(self, q: Array) -> Mask:
+        """Which configurations are none of those before, as where two branches meet."""
+        scaled = q / self.assembler.position_scale
+        first = np.ones(len(q), dtype=bool)
+        for k in range(1, len(q)):
+            away = np.max(np.abs(scaled[:k] - scaled[k]), axis=1, initial=0.0)
+            first[k] = not np.any(away < 1e-9)
+        return first
+
     def _choices(self) -> Array:
+        """A row of signs for each choice of branches."""
         assert self.branches is not None
         count = len(self.branches.branches)
         if 2**count > MOST_MODES:

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gough.errors import ConfigurationError
 from gough.numerics.path_tracking import PathEnding, track
 from gough.numerics.quadratics import Quadratics
 
@@ -32,6 +33,9 @@ FINITE = 1e-7
 """Least share of the homogenising unknown in a solution that is not at infinity."""
 FEW, MANY = 5, 20
 """Loops without a new solution after which to stop, with and without a trace that agrees."""
+SMALL = 50
+"""With fewer solutions loops go on to the last: they cost next to nothing, and may each miss the
+only point that joins some."""
 MOST_LOOPS, MOST_SOLUTIONS = 60, 600
 """When to stop in any case: after some ten seconds, with more solutions left to find; a guess."""
 STRAIGHT = 1e-8
@@ -77,8 +81,8 @@ class Family:
         return np.asarray(c)
 
     def right_hand_side(self, rng: np.random.Generator) -> Complex:
-        """A random constant for each equation."""
-        return _complex(rng, len(self.constants))
+        """A random constant for each equation, of any size from one to ten."""
+        return np.asarray(10.0 ** rng.uniform() * _complex(rng, len(self.constants)))
 
 
 def _complex(rng: np.random.Generator, n: int) -> Complex:
@@ -93,20 +97,22 @@ def find_start_set(family: Family, real: Array, x: Array, rng: np.random.Generat
         real: coefficients of a real member, (entries,).
         x: a regular solution of that, (n,).
         rng: of the random choices.
+
+    Raises:
+        ConfigurationError: the solution leads nowhere.
     """
     base, found = _first(family, real, x, rng)
     fruitless = loops = 0
     complete = False
-    while loops < MOST_LOOPS and len(found) < MOST_SOLUTIONS:
+    while loops < MOST_LOOPS and len(found) < MOST_SOLUTIONS and not complete:
         round_trip = _loop(family, base, found, rng)
         more = distinct(np.vstack([found, round_trip]))
         loops += 1
         fruitless = 0 if len(more) > len(found) else fruitless + 1
         found = more
-        if fruitless == FEW and trace_agrees(family, base, found, rng):
-            complete = True
-            break
-        if fruitless >= MANY:
+        if fruitless and fruitless % FEW == 0:
+            complete = trace_agrees(family, base, found, rng)
+        if fruitless >= MANY and len(found) >= SMALL:
             break
     return StartSet(base, found, complete, fruitless >= FEW, loops)
 
@@ -120,7 +126,10 @@ def _first(
         found = sound(family, base, _tracked(family, real.astype(complex), base, x[None]))
         if len(found):
             return base, found
-    raise RuntimeError("no path leads from the home configuration to a generic system")
+    raise ConfigurationError(
+        "no path leads from home to a general mechanism of its kind, so its modes can not be "
+        "searched for; home may be singular: give another"
+    )
 
 
 def _loop(family: Family, base: Complex, x: Complex, rng: np.random.Generator) -> Complex:
@@ -139,6 +148,8 @@ def _tracked(family: Family, start: Complex, target: Complex, x: NDArray[np.numb
 
 def trace_agrees(family: Family, base: Complex, x: Complex, rng: np.random.Generator) -> bool:
     """Whether the sum of the solutions is linear along a line of right-hand sides."""
+    if not len(family.constants):
+        return False
     step = np.zeros_like(base)
     step[family.constants] = 0.3 * family.right_hand_side(rng)
     sums = [(x[:, 1:] / x[:, :1]).sum(axis=0)]

@@ -61,7 +61,7 @@ class Watch:
         given: Given,
     ) -> None:
         self.kinematics, self.inverse, self.direct, self.given = kinematics, inverse, direct, given
-        found = inverse.branches if inverse is not None else None
+        found = inverse.branches if inverse is not None and inverse.closed_form else None
         self.branches = found.branches if found is not None else []
 
     @property

@@ -58,7 +58,7 @@ class Placing:
             data = self._data(q, unknowns, self._signs(q, unknowns, reference))
             turns = self._turns(data, reference)
             poses = self._poses(data, turns)
-            return self._positions(poses, near)
+            return self._positions(q, poses, near)
 
     # what the equations say
 
@@ -293,12 +293,14 @@ class Placing:
         found[base] = np.broadcast_to(np.eye(4), (len(q), 4, 4))
         return found
 
-    def _positions(self, poses: Mapping[str, Array], near: Array) -> Array:
-        """Positions of the joints of the tree, nearest to others by whole turns."""
+    def _positions(self, given: Array, poses: Mapping[str, Array], near: Array) -> Array:
+        """Positions of the joints of the tree: known ones as given, others nearest to near's."""
         q = np.array(near)
         for k, edge in enumerate(self.structure.edges):
             part = self.models.closure.slices[k]
-            if edge.name != self.structure.mechanism.base:
+            if edge.name in self.problem.known:
+                q[:, part] = given[:, part]
+            elif edge.name != self.structure.mechanism.base:
                 q[:, part] = _near(edge, self._position(edge, poses), near[:, part])
         return q
 
@@ -329,6 +331,8 @@ def _near(edge: Edge, q: Array, near: Array) -> Array:
         opposed = np.sum(q[:, -4:] * near[:, -4:], axis=1, keepdims=True) < 0
         q[:, -4:] = np.where(opposed, -q[:, -4:], q[:, -4:])
         return q
+    if not edge.type.algebraic:
+        return q  # its turns are told by its length
     q[:, angles] += 2 * np.pi * np.round((near[:, angles] - q[:, angles]) / (2 * np.pi))
     return q
 
@@ -374,12 +378,24 @@ def _nearer(one: Array, other: Array, before: Array) -> Array:
 
 
 def _shortest(a: Array, b: Array) -> Array:
-    """The rotation by the smallest angle that takes unit vectors a to b."""
-    v, c = np.cross(a, b), np.sum(a * b, axis=-1)[..., None, None]
-    K = np.zeros((*v.shape, 3))
-    K[..., 0, 1], K[..., 0, 2], K[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
-    K = K - _transposed(K)
-    return np.asarray(np.eye(3) + K + K @ K / np.maximum(1 + c, 1e-300))
+    """The rotation by the smallest angle that takes unit vectors a to b.
+
+    Two half turns: about a, then about the middle of a and b; where these are opposed, one half
+    turn about any normal.
+    """
+    middle = a + b
+    size = np.linalg.norm(middle, axis=-1, keepdims=True)
+    opposed = size < 1e-8
+    least = np.eye(3)[np.argmin(np.abs(a), axis=-1)]
+    normal = np.cross(a, least)
+    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    middle = np.where(opposed, normal, middle / np.where(opposed, 1.0, size))
+    second = np.where(opposed[..., None], np.eye(3), _half_turn(a))
+    return np.asarray(_half_turn(middle) @ second)
+
+
+def _half_turn(axis: Array) -> Array:
+    return np.asarray(2 * axis[..., :, None] * axis[..., None, :] - np.eye(3))
 
 
 def _inverse(T: Array) -> Array:

@@ -17,7 +17,7 @@ from gough.errors import ConfigurationError
 from gough.geometry.problem import Problem
 from gough.kernels import Kernel
 from gough.numerics.quadratics import Quadratics
-from gough.symbolic.polynomials import Monomial
+from gough.symbolic.polynomials import Monomial, Polynomial
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -183,8 +183,14 @@ class QuadraticClosure:
         )
 
     def _keeps_shape(self, equation: int, solved: set[int]) -> bool:
-        condition = self.natural.conditions[equation]
-        return self.natural.keeps_shape(condition) and not condition.polynomial.unknowns & solved
+        """Whether an equation says what the vectors of a class are, and none of these is solved."""
+        condition, natural = self.natural.conditions[equation], self.natural
+        owners = {
+            natural.unknowns[u].owner
+            for u in natural.solved.keys() | solved
+            if natural.unknowns[u].kind in ("vector", "angle", "platform")
+        }
+        return natural.keeps_shape(condition) and condition.source not in owners
 
     def _reduced(self, q: Array) -> tuple[Array, Array]:
         """Equations in the unknowns kept, (equations, 1 + n, 1 + n), and T with x_all = T x."""
@@ -213,6 +219,54 @@ class QuadraticClosure:
         """What the equations that are not solved come to at solutions x, (*batch, others)."""
         Q, _ = self._reduced(q)
         return np.asarray(np.einsum("...a,mab,...b->...m", x, Q[self.others], x))
+
+    # the platform
+
+    @cached_property
+    def _platform(self) -> list[Polynomial] | None:
+        """Coordinates of the platform's pose in the unknowns left; None if these do not tell it."""
+        natural = self.natural
+        platform = self.problem.models.structure.mechanism.platform
+        if platform is None:
+            return None
+        cluster = natural.of_body[platform]
+        family = natural.families[cluster.family]
+        vectors = [v for image in family.images for v in image]
+        if family.pair is not None:
+            vectors = [Polynomial.unknown(u) for u in family.pair]
+        parts = [p.substituted(natural.solved) for p in (*cluster.position, *vectors)]
+        known = all(p.unknowns <= set(self.left) for p in parts)
+        return [p for p in parts if p.unknowns] if known else None
+
+    @cached_property
+    def _platform_terms(self) -> Kernel:
+        terms = [x for p in self._platform or () for x in p.terms.values()]
+        return self.problem.kernel("platform", terms)
+
+    def platform(self, q: Array, x: NDArray[np.number]) -> NDArray[np.number] | None:
+        """1 and the coordinates of the platform's pose; None where the unknowns do not tell it.
+
+        Args:
+            q: a configuration with the known positions in their places.
+            x: solutions in all the unknowns left, homogeneous, (rows, 1 + left).
+
+        Returns:
+            (rows, 1 + coordinates).
+        """
+        if self._platform is None:
+            return None
+        values = (x / x[:, :1]) * self.size
+        numbers = iter(self._platform_terms(q, self.problem.assembler.p).tolist())
+        columns = [
+            sum(
+                next(numbers) * np.prod([values[:, self.place[u]] for u in key], axis=0)
+                if key
+                else next(numbers) * np.ones(len(x))
+                for key in p.terms
+            )
+            for p in self._platform or ()
+        ]
+        return np.stack([np.ones(len(x)), *columns], axis=1)
 
 
 def _pivots(A: Array) -> tuple[Whole, Whole]:

@@ -17,6 +17,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import casadi
+
 from gough import algebra as al
 from gough.algebra import Scalar
 from gough.symbolic.natural import NaturalClosure
@@ -61,12 +63,17 @@ class Branches:
         self, natural: NaturalClosure, measured: Sequence[Scalar], signs: Iterator[Scalar]
     ) -> None:
         self.natural, self._measured, self._signs = natural, measured, signs
+        self._used: list[Scalar] = []
         self.values: dict[int, Scalar] = {}
         self.branches: list[Branch] = []
         self.checks: list[Condition] = []
         self.left = list(natural.conditions)
         while self.left and self._step():
             self._settle()
+
+    def _sign(self) -> Scalar:
+        self._used.append(next(self._signs))
+        return self._used[-1]
 
     def _settle(self) -> None:
         """Put what is solved into what is left."""
@@ -111,7 +118,7 @@ class Branches:
         if condition.polynomial.degree == 1:
             self.values[u] = al.mul(-1.0, c) / b
             return
-        sign = next(self._signs)
+        sign = self._sign()
         margin = al.sub(al.mul(b, b), al.mul(4.0, al.mul(a, c)))
         root = al.sqrt(_not_negative(margin))
         self.values[u] = al.sub(al.mul(sign, root), b) / al.mul(2.0, a)
@@ -154,7 +161,7 @@ class Branches:
         a, b, c = (line.polynomial.coefficient(*key) for key in ((x,), (y,), ()))
         size = al.add(al.mul(a, a), al.mul(b, b))
         margin = al.sub(al.mul(square, size), al.mul(c, c))
-        sign = next(self._signs)
+        sign = self._sign()
         root = al.mul(sign, al.sqrt(_not_negative(margin)))
         self.values[x] = al.mul(-1.0, al.add(al.mul(a, c), al.mul(b, root))) / size
         self.values[y] = al.sub(al.mul(a, root), al.mul(b, c)) / size
@@ -192,16 +199,28 @@ class Branches:
         return None
 
     def _crossing(self, lines: list[Condition]) -> Condition | None:
-        """A line that crosses the first at every probed state."""
+        """A line that crosses the first at every probed state, on either branch of others."""
         for second in lines[1:]:
             x, y = sorted(lines[0].polynomial.unknowns | second.polynomial.unknowns)
-            a, b = (
-                (line.polynomial.coefficient(x), line.polynomial.coefficient(y), 0.0)
-                for line in (lines[0], second)
+            one, other = (
+                [line.polynomial.coefficient(u) for u in (x, y)] for line in (lines[0], second)
             )
-            if not self.natural.probing.parallel(a, b):
+            if not any(self._parallel(one, other, sign) for sign in (1.0, -1.0)):
                 return second
         return None
+
+    def _parallel(self, a: list[Scalar], b: list[Scalar], sign: float) -> bool:
+        """Whether two lines are parallel, with all branches so far of one sign."""
+        one, other = ((self._on(x, sign), self._on(y, sign), 0.0) for x, y in (a, b))
+        return self.natural.probing.parallel(one, other)
+
+    def _on(self, x: Scalar, sign: float) -> Scalar:
+        """A scalar with the signs of all branches given."""
+        if al.is_number(x) or not self._used:
+            return x
+        return casadi.substitute(
+            x, casadi.vertcat(*self._used), sign * casadi.SX.ones(len(self._used))
+        )
 
     @staticmethod
     def _determinant(first: Condition, second: Condition) -> Scalar:

@@ -271,27 +271,28 @@ class NaturalClosure:
                 self._write_in_plane(link)
             return
         offset = po.minus(self._point(link, 1), self._point(link, 0))
+        length = self.probing.length
         for hold in self.gathering.holds(link):
             match hold:
                 case "point":
-                    self._equate(link, offset)
+                    self._equate(link, offset, length)
                 case "axis":
-                    self._equate(link, po.minus(self._axis(link, 1, 2), self._axis(link, 0, 2)))
+                    self._equate(link, po.minus(self._axis(link, 1, 2), self._axis(link, 0, 2)), 1)
                 case "line":
                     self.slides[link] = self._new(link.name, "length", "slide")
                     slide = Polynomial.unknown(self.slides[link])
                     along = tuple(slide * x for x in self._axis(link, 0, 2))
-                    self._equate(link, po.minus(offset, along))
+                    self._equate(link, po.minus(offset, along), length)
                 case "level":
-                    self._equate(link, (po.dot(self._axis(link, 0, 2), offset),))
+                    self._equate(link, (po.dot(self._axis(link, 0, 2), offset),), length)
                 case "circle":
-                    length = link.dimensions["length"]
-                    square = po.dot(offset, offset) - Polynomial.constant(length * length)
-                    self._equate(link, (po.dot(self._axis(link, 0, 2), offset),))
-                    self._written.append(Condition(square, link.name, "joint", length))
+                    self._equate(link, (po.dot(self._axis(link, 0, 2), offset),), length)
+                    radius = link.dimensions["length"]
+                    square = po.dot(offset, offset) - Polynomial.constant(radius * radius)
+                    self._written.append(Condition(square, link.name, "joint", radius, length**2))
                 case "crossed" if link.name not in self.needs.dropped:
                     x, y = self._axis(link, 0, 0), self._axis(link, 1, 1)
-                    self._equate(link, (po.dot(x, y),))
+                    self._equate(link, (po.dot(x, y),), 1)
 
     def _stretches(self, link: Link) -> bool:
         return any(link is slide for slide in self.stretched.values())
@@ -307,7 +308,7 @@ class NaturalClosure:
             + Polynomial.constant(al.dot(axis, self.needs.arm(link, end)))
             for end in (0, 1)
         ]
-        self._equate(link, (ends[1] - ends[0],))
+        self._equate(link, (ends[1] - ends[0],), self.probing.length)
 
     def _point(self, link: Link, end: int) -> Vector:
         cluster = self.cluster(link, end)
@@ -320,9 +321,10 @@ class NaturalClosure:
             self.gathering.family(self.cluster(link, end)), self.direction(link, end, k)
         )
 
-    def _equate(self, link: Link, zeros: Vector) -> None:
+    def _equate(self, link: Link, zeros: Vector, scale: float) -> None:
+        """Keep equations; ``scale`` is the size of what they say is zero."""
         kept = zeros[:2] if self.planar and len(zeros) == 3 else zeros
-        self._written += [Condition(p, link.name, "joint") for p in kept]
+        self._written += [Condition(p, link.name, "joint", scale=scale) for p in kept]
 
     # values
 

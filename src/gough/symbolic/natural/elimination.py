@@ -47,7 +47,7 @@ class Elimination:
         self.flips: list[tuple[Family, Condition]] = []
         scales = self._terms([c.polynomial for c in conditions])
         self.conditions = [
-            replace(c, scale=max(found, default=0.0))
+            replace(c, scale=max([c.scale, *found]))
             for c, found in zip(conditions, scales, strict=True)
         ]
         self._eliminate()

@@ -109,7 +109,8 @@ class Condition:
     length: Scalar = None
     """For the squared length of a vector: the length it keeps, m."""
     scale: float = 0.0
-    """Size of its largest term as it was written, with each unknown of its own size."""
+    """Size of what it says is zero: of its largest term, or of a length or a direction where its
+    terms are but rounding."""
 
 
 class Probing:
