@@ -207,7 +207,8 @@ COUNTS = {
     "delta": (2, 2), "delta-parallelogram": (2, 2), "linear-delta": (2, 2), "orthoglide": (2, 2),
     "hexa": (40, 16), "hexaglide": (40, 12), "gough-stewart": (28, 8), "6-sps": (28, 8),
     "deployable-hexapod": (28, 8), "6-ups": (40, 40), "andrews-squeezer": (8, 4),
-    "bennett": (1, 1), "four-bar": (2, 2), "slider-crank": (2, 2), "tripteron": (1, 1), "3-upu": (2, 2), "sarrus": (1, 1),
+    "bennett": (1, 1), "four-bar": (2, 2), "slider-crank": (2, 2), "tripteron": (1, 1),
+    "3-upu": (2, 2), "sarrus": (1, 1),
     "agile-eye": (4, 4), "biped-leg": (16, 8), "tricept": (24, 8), "4-rpr": (1, 1),
 }  # fmt: skip
 """Complex and real solutions at home."""

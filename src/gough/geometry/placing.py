@@ -180,8 +180,8 @@ class Placing:
             before = reference[family.name][..., :3, :3]
             if ("turned", k) in data:
                 turns[k] = data["turned", k]
-            elif k in self.natural.stretched and family.axis is not None:
-                turns[k] = self._stretched_about_axis(data, k)
+            elif ("own", k) in data and family.axis is not None:
+                turns[k] = self._aimed_about_axis(data, k)
             elif k in self.natural.stretched or ("own", k) in data:
                 waiting.append(k)
             else:
@@ -222,12 +222,18 @@ class Placing:
             signs[k] = 1.0 if along >= 0 else -1.0
         return signs
 
-    def _stretched_about_axis(self, data: Mapping[Any, Array], k: int) -> Array:
-        """Orientation of a class with a slide that turns about a known axis."""
-        own, there = self._stretch(data, k)
+    def _aimed_about_axis(self, data: Mapping[Any, Array], k: int) -> Array:
+        """Orientation of a class that turns about a known axis, from its only vector."""
+        own, there = self._vector(data, k)
         x0, y0, _ = np.moveaxis(_applied(_transposed(data["far", k]), own), -1, 0)
         x1, y1, _ = np.moveaxis(_applied(_transposed(data["near", k]), there), -1, 0)
         return self._about(data, k, np.arctan2(y1, x1) - np.arctan2(y0, x0))
+
+    def _vector(self, data: Mapping[Any, Array], k: int) -> tuple[Array, Array]:
+        """The only vector of a class, in class and in base axes, of length 1."""
+        if k in self.natural.stretched:
+            return self._stretch(data, k)
+        return _unit(data["own", k]), _unit(data["there", k])
 
     def _spin_link(self, k: int) -> tuple[Link, int] | None:
         """The universal joint that tells the spin of a class, and the end of the class."""
@@ -250,10 +256,7 @@ class Placing:
     ) -> Array:
         """Orientation of a class from its only vector and the joint that tells its spin."""
         before = reference[self.natural.families[k].name][..., :3, :3]
-        if k in self.natural.stretched:
-            own, there = self._stretch(data, k)
-        else:
-            own, there = _unit(data["own", k]), _unit(data["there", k])
+        own, there = self._vector(data, k)
         found = self._spin_link(k)
         if found is None or self._spin_partner(k) not in turns:
             return np.asarray(_shortest(_applied(before, own), there) @ before)
