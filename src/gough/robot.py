@@ -26,8 +26,9 @@ from gough.topology import Modelling, Role, Structure
 if TYPE_CHECKING:
     import xarray
 
-    from gough.geometry.assembly_modes import AssemblyModes, DirectProblem
+    from gough.geometry.assembly_modes import AssemblyModes
     from gough.geometry.direct import DirectGeometry
+    from gough.geometry.direct_problem import DirectProblem
     from gough.geometry.inverse import InverseGeometry, InverseSolution, WorkingModes
     from gough.geometry.path_reports import Given, Track
     from gough.geometry.path_routes import Path as Path_
@@ -190,7 +191,7 @@ class Robot:
 
     def _direct_problem(self, motion: str = "home") -> DirectProblem:
         if not isinstance(motion, str) or motion not in self._direct_problems:
-            from gough.geometry.assembly_modes import DirectProblem
+            from gough.geometry.direct_problem import DirectProblem
 
             self._direct_problems[motion] = DirectProblem(
                 self.models, self.assembler, self.home.q, motion

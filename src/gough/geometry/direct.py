@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough.errors import ConfigurationError
-from gough.geometry.assembly_modes import DirectProblem
+from gough.geometry.direct_problem import DirectProblem
 from gough.geometry.direct_steps import (
     LONGEST,
     TOLERANCE,

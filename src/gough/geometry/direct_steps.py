@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
-from gough.geometry.assembly_modes import DirectProblem
+from gough.geometry.direct_problem import DirectProblem
 from gough.geometry.inverse import InverseGeometry
 from gough.joints import Free
 from gough.kernels import Kernel

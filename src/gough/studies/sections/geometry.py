@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from gough import view
 from gough.errors import ConfigurationError
-from gough.geometry.assembly_modes import AssemblyModes, DirectProblem
+from gough.geometry.assembly_modes import AssemblyModes
+from gough.geometry.direct_problem import DirectProblem
 from gough.geometry.inverse import WorkingModes
 from gough.studies.context import Context
 from gough.studies.report import Block, Cell, Paragraph, Picture, Section, Table
