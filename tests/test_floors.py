@@ -31,6 +31,8 @@ HEAVY = {
     "pydantic": {"description", "formats"},
     "yaml": {"formats"},
     "click": {"cli"},
+    "flint": {"numerics"},
+    "xarray": {"geometry"},
 }
 
 

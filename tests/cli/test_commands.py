@@ -33,7 +33,18 @@ KEYS = {
     "assembly",
     "warnings",
 }
-HEAVY = ("casadi", "numba", "scipy", "matplotlib", "pydantic", "numpy", "yaml", "rich")
+HEAVY = (
+    "casadi",
+    "numba",
+    "scipy",
+    "matplotlib",
+    "pydantic",
+    "numpy",
+    "yaml",
+    "rich",
+    "xarray",
+    "flint",
+)
 
 
 def run(*args):
