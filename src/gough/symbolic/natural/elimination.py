@@ -82,8 +82,12 @@ class Elimination:
             self.solved = {k: p.substituted(value) for k, p in self.solved.items()} | value
             self._tidy()
         self._tidy()
-        for shape in [c for c in [*self.conditions, *self.implied] if self.keeps_shape(c)]:
-            self._reduce(shape)
+        for n in range(len(self.conditions)):
+            if self.keeps_shape(self.conditions[n]):  # as earlier ones have left it
+                self._reduce(self.conditions[n])
+        for shape in self.implied:
+            if self.keeps_shape(shape):
+                self._reduce(shape)
         self._tidy()
         self._drop_repeats()
         self._drop_flips()
