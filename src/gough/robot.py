@@ -261,13 +261,13 @@ class Robot:
 
     def workspace_map(
         self,
-        measures: Sequence[str] = ("conditioning", "velocity_factors"),
+        measures: str | Sequence[str] = ("conditioning", "velocity_factors"),
         **axes: ArrayLike,
     ) -> xarray.Dataset:
         """Measures over a grid of operational coordinates, on the working mode of home.
 
         Args:
-            measures: names from `gough.geometry.maps.MEASURES`.
+            measures: one name or more from `gough.geometry.maps.MEASURES`.
             axes: for each output, by its name, the positions of the grid (n,), or one number; m and
                 rad. With six freedoms rx, ry, rz are the entries of the rotation vector.
 

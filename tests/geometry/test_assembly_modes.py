@@ -209,7 +209,7 @@ COUNTS = {
     "deployable-hexapod": (28, 8), "6-ups": (40, 40), "andrews-squeezer": (8, 4),
     "bennett": (1, 1), "four-bar": (2, 2), "slider-crank": (2, 2), "tripteron": (1, 1),
     "3-upu": (2, 2), "sarrus": (1, 1),
-    "agile-eye": (4, 4), "biped-leg": (16, 8), "tricept": (24, 8), "4-rpr": (1, 1),
+    "agile-eye": (8, 8), "biped-leg": (16, 8), "tricept": (24, 8), "4-rpr": (1, 1),
 }  # fmt: skip
 """Complex and real solutions at home."""
 
@@ -238,6 +238,19 @@ def test_a_delta_has_modes_with_twisted_bars():
     modes = robot.assembly_modes(robot.home.q_actuated)
     same_sets(turned.x[straight], modes.x, 1e-9)
     assert "motion='any'" in str(modes)
+
+
+def test_an_agile_eye_away_from_home_has_eight_modes():
+    """Four that any motors allow, thirds of a turn about the diagonals, and four that move.
+
+    The equations that are solved have the first four twice; all equations have them once.
+    """
+    modes = gough.load("agile-eye").assembly_modes([0.2, 0.3, -0.1])
+    assert len(modes) == 8
+    third = 2 * np.pi / 3 / np.sqrt(3)
+    still = third * np.array([[1, 1, -1], [1, -1, 1], [-1, 1, 1], [-1, -1, -1]])
+    away = np.abs(modes.x[:, None] - still).max(axis=2).min(axis=0)
+    assert away.max() < 1e-8
 
 
 # laws

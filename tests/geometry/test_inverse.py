@@ -122,6 +122,22 @@ def test_what_is_missing_is_told_in_lengths():
         bar.inverse_geometry([0.5, 1.5])
     with pytest.raises(OutOfReach, match=r"leg1 is 50 mm too long"):
         bar.inverse_geometry([0.05, 0.0])
+    slider = gough.load("slider-crank")  # a crank of 50 mm and a rod of 180 mm
+    with pytest.raises(OutOfReach, match=r"out of reach: rod is 170 mm too short$"):
+        slider.inverse_geometry([0.4])
+
+
+def test_a_leg_without_length_has_no_direction():
+    """The point on the pin of a leg: any angle of the leg closes the loop."""
+    found = gough.load("2rpr").reach([0.0, 0.0])
+    assert not found.reached
+    assert "direction is open" in found.reasons[0]
+
+
+@pytest.mark.parametrize("near", [1.0, [np.nan] * 6, [[0.0] * 5]])
+def test_near_is_a_whole_configuration(near):
+    with pytest.raises(ConfigurationError, match="all joint positions, all finite"):
+        gough.load("five-bar").inverse_geometry([0.5, 0.8], near=near)
 
 
 def test_reach_says_which_rows_have_a_configuration():

@@ -89,6 +89,11 @@ def test_type_2_points_have_infinite_factors(orthoglide):
     np.testing.assert_array_equal(orthoglide.determinant_sign(q)[[0, 2]], [-1, 1])
 
 
+def test_one_measure_needs_no_list(orthoglide):
+    found = workspace_map(orthoglide, inverse_of(orthoglide), "conditioning", x=0, y=0, z=A)
+    assert set(found.data_vars) == {"reached", "regular", "conditioning"}
+
+
 def test_what_is_wrong_is_named(orthoglide):
     inverse = inverse_of(orthoglide)
     with pytest.raises(UnknownName, match="no measure is named 'conditionning'"):
@@ -99,6 +104,8 @@ def test_what_is_wrong_is_named(orthoglide):
         workspace_map(orthoglide, inverse, x=0)
     with pytest.raises(ConfigurationError, match="axis x has shape"):
         workspace_map(orthoglide, inverse, x=[0, np.nan], y=0, z=A)
+    with pytest.raises(ConfigurationError, match="axis x is 'wide'; expected finite numbers"):
+        workspace_map(orthoglide, inverse, x="wide", y=0, z=A)
     with pytest.raises(ConfigurationError, match="inverse gave arrays of shape"):
         workspace_map(orthoglide, lambda x: (x[0], True), x=0, y=0, z=A)
 

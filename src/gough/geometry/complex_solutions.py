@@ -18,7 +18,9 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
-SATISFIED = 1e-7
+NEAR, POLISH = 1e-3, 4
+"""How far, relative, and in how many steps an end is refined with all equations."""
+SATISFIED = 1e-9
 """Largest residual, relative, of equations that a complex solution has to satisfy besides."""
 NEARLY_REAL = 1e-5
 """Largest imaginary part, relative, of a solution whose real part is tried without proof."""
@@ -47,6 +49,8 @@ class Solutions:
         self.expected: tuple[int, ...] = ()
         self.q = q
         x = self._tracked(c) if self.closure.n else np.ones((1, 1), dtype=complex)
+        x = self._polished(x)
+        x = monodromy.distinct(x) if len(x) else x
         satisfied = self._satisfied(x)
         self.surplus = int(np.sum(~satisfied))
         x = x[satisfied]
@@ -96,6 +100,30 @@ class Solutions:
         rest = self.closure.residuals(self.q, x / x[:, :1])
         size = np.max(np.abs(x / x[:, :1]) ** 2, axis=1)
         return np.asarray(np.max(np.abs(rest), axis=1) <= SATISFIED * size)
+
+    def _polished(self, x: Complex) -> Complex:
+        """Solutions by steps of least squares on all equations, where these lead not far.
+
+        A multiple solution of the equations that were solved may be a simple one of all: its end
+        has half the digits, and gets the others back.
+        """
+        if not len(self.closure.others):
+            return x
+        refined = [self._least_squares(z / z[0]) for z in x]
+        near = [
+            np.max(np.abs(z / z[0] - r)) < NEAR * np.max(np.abs(r))
+            for z, r in zip(x, refined, strict=True)
+        ]
+        return np.array([r if ok else z for z, r, ok in zip(x, refined, near, strict=True)])
+
+    def _least_squares(self, x: Complex) -> Complex:
+        Q = self.closure.equations(self.q)
+        for _ in range(POLISH):
+            J = np.einsum("mab,b->ma", Q + Q.transpose(0, 2, 1), x)
+            r = 0.5 * J @ x
+            step = np.linalg.lstsq(J[:, 1:], -r, rcond=1e-12)[0]
+            x = np.concatenate([x[:1], x[1:] + step])
+        return x
 
     def _prove(self, x: Complex) -> None:
         """Keep the real solutions, and say which are proved.

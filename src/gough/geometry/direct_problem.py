@@ -204,12 +204,12 @@ class DirectProblem:
     def _notes(self, ends: Solutions, missed: int) -> tuple[str, ...]:
         notes = []
         if missed:
-            notes.append(f"{missed} real solutions could not be placed; the list lacks them")
+            notes.append(f"real solutions that could not be placed, and are not listed: {missed}")
         if ends.ways > 1:
             notes.append(
                 f"passive joints fit each mode in {ends.ways} ways; the nearest to home is given"
             )
-        if ends.singular:
+        if ends.singular and not len(self.closure.others):
             notes.append(
                 "some modes may be at a singularity of type 2, where two or more meet: not proved"
             )
@@ -225,7 +225,7 @@ class DirectProblem:
             )
         if ends.surplus:
             notes.append(
-                f"{ends.surplus} more solutions fit some of the equations but not all: the "
+                f"solutions that fit some of the equations but not all: {ends.surplus}; the "
                 "mechanism has redundant ones"
             )
         return tuple(notes)

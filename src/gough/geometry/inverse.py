@@ -45,6 +45,7 @@ class Reached(Enum):
     reached = "every loop closes"
     out_of_reach = "a leg does not reach the pose"
     impossible = "the mechanism can not take this pose"
+    no_direction = "the ends of a leg coincide there, so that its direction is open: a singularity"
     open = "no configuration was found: the pose may be out of reach"
 
 
@@ -276,11 +277,13 @@ class InverseGeometry:
         except (TypeError, ValueError):
             raise ConfigurationError(f"near is {near!r}, expected joint positions") from None
         try:
+            if given.shape[-1:] != (n,) or not np.all(np.isfinite(given)):
+                raise ValueError
             starts = np.broadcast_to(given, (*batch, n))
         except ValueError:
             raise ConfigurationError(
                 f"near has shape {given.shape}, expected (..., {n}): a configuration, "
-                "all joint positions"
+                "all joint positions, all finite"
             ) from None
         return np.array(starts.reshape(prod(batch), n))
 
@@ -306,12 +309,18 @@ class InverseGeometry:
         q = self.placing.configurations(start, unknowns, near)
         reachable = np.all(parts[..., 1] >= 0, axis=-1)
         closed = self.assembler.gaps(q) <= CLOSED
-        ending = np.where(closed, 0, np.where(reachable, 2, 1)).astype(np.int8)
+        lost = reachable & ~np.all(np.isfinite(q), axis=1)
+        codes = [ENDINGS.index(e) for e in (Reached.out_of_reach, Reached.no_direction)]
+        missed = np.where(reachable, ENDINGS.index(Reached.impossible), codes[0])
+        ending = np.where(closed, 0, np.where(lost, codes[1], missed)).astype(np.int8)
         q = np.where(np.all(np.isfinite(q), axis=1, keepdims=True), q, near)
-        reasons = ["" if ok else self._reason(p) for ok, p in zip(closed, parts, strict=True)]
+        reasons = [
+            "" if not e else self._reason(p, ENDINGS[e])
+            for e, p in zip(ending.tolist(), parts, strict=True)
+        ]
         return q, ending, reasons
 
-    def _reason(self, parts: Array) -> str:
+    def _reason(self, parts: Array, ending: Reached) -> str:
         """What keeps a pose from being reached."""
         assert self.branches is not None
         texts = []
@@ -325,7 +334,7 @@ class InverseGeometry:
                 texts.append(f"{leg} is {_length(short)} too short")
             else:
                 texts.append(f"{leg} is {_length(long)} too long")
-        return "; ".join(texts) or Reached.impossible.value
+        return "; ".join(texts) or ending.value
 
     def leg_of(self, part: str) -> str:
         """The leg that a body or a joint belongs to, else the part itself."""

@@ -35,7 +35,7 @@ MEASURES = {
 def workspace_map(
     kinematics: Kinematics,
     inverse: Inverse,
-    measures: Sequence[str] = ("conditioning", "velocity_factors"),
+    measures: str | Sequence[str] = ("conditioning", "velocity_factors"),
     **axes: ArrayLike,
 ) -> xarray.Dataset:
     """Measures over a grid of output positions.
@@ -45,7 +45,7 @@ def workspace_map(
         inverse: inverse geometry, from output positions (rows, o) to configurations
             (rows, positions) and whether each is reached (rows,). With all six freedoms of the
             platform it is given poses (rows, 7): x, y, z and the quaternion (w, x, y, z).
-        measures: names from `MEASURES`.
+        measures: one name or more from `MEASURES`.
         axes: for each output, by its name, the positions of the grid (n,), or one number; m and
             rad. With six freedoms rx, ry, rz are the entries of the rotation vector.
 
@@ -60,6 +60,7 @@ def workspace_map(
     """
     import xarray
 
+    measures = [measures] if isinstance(measures, str) else list(measures)
     for name in measures:
         if name not in MEASURES:
             raise UnknownName("measure", name, MEASURES)
@@ -109,13 +110,21 @@ def _grid(kinematics: Kinematics, axes: dict[str, ArrayLike]) -> dict[str, Array
             f"no positions are given for {', '.join(missing)}; give an array, or one number to "
             "hold an output"
         )
-    grid = {name: np.asarray(axes[name], dtype=float) for name in outputs}
-    for name, positions in grid.items():
-        if positions.ndim > 1 or not np.all(np.isfinite(positions)):
-            raise ConfigurationError(
-                f"axis {name} has shape {positions.shape}; expected finite numbers (n,), or one"
-            )
-    return grid
+    return {name: _axis(name, axes[name]) for name in outputs}
+
+
+def _axis(name: str, given: ArrayLike) -> Array:
+    try:
+        positions = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ConfigurationError(
+            f"axis {name} is {given!r:.60}; expected finite numbers (n,), or one"
+        ) from None
+    if positions.ndim > 1 or not np.all(np.isfinite(positions)):
+        raise ConfigurationError(
+            f"axis {name} has shape {positions.shape}; expected finite numbers (n,), or one"
+        )
+    return positions
 
 
 def _positions(grid: dict[str, Array]) -> Array:

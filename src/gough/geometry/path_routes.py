@@ -137,7 +137,7 @@ def checked_points(path: Path, coordinates: Coordinates, samples: int, what: str
     """
     n, names = len(coordinates), ", ".join(coordinates.names)
     if callable(path):
-        rows = [np.asarray(path(float(s)), dtype=float) for s in np.linspace(0, 1, samples)]
+        rows = [_numbers(path(float(s)), "path(s)") for s in np.linspace(0, 1, samples)]
         for row in rows:
             if row.shape != (n,):
                 raise ConfigurationError(
@@ -145,7 +145,7 @@ def checked_points(path: Path, coordinates: Coordinates, samples: int, what: str
                 )
         points = np.array(rows)
     else:
-        points = np.array(path, dtype=float)
+        points = _numbers(path, "path")
     if points.ndim != 2 or points.shape[1] != n or len(points) < 2:
         raise ConfigurationError(
             f"path has shape {points.shape}, expected (m, {n}) with two waypoints or more, or a "
@@ -155,6 +155,15 @@ def checked_points(path: Path, coordinates: Coordinates, samples: int, what: str
         bad = int(np.argmin(np.isfinite(points).all(axis=1)))
         raise ConfigurationError(f"path has entries that are not finite, the first in row {bad}")
     return _with_unit_quaternions(points, coordinates)
+
+
+def _numbers(given: ArrayLike, what: str) -> Array:
+    try:
+        return np.array(given, dtype=float)
+    except (TypeError, ValueError):
+        raise ConfigurationError(
+            f"{what} is {given!r:.60}, expected numbers in rows of one length"
+        ) from None
 
 
 def _with_unit_quaternions(points: Array, coordinates: Coordinates) -> Array:

@@ -418,8 +418,8 @@ class Walk:
         follower = self.follower
         if isinstance(follower, QuadraticFollower) and len(follower.closure.others):
             notes.append(
-                f"{len(follower.closure.others)} more equations, of which the proofs know nothing, "
-                "were checked at every step in numbers"
+                "redundant equations, of which the proofs know nothing and which were checked at "
+                f"every step in numbers: {len(follower.closure.others)}"
             )
         return tuple(notes)
 

@@ -215,6 +215,11 @@ class QuadraticClosure:
         values = self.problem.measured(q, self.problem.assembler.p)[self.left]
         return (np.concatenate([[1.0], values]) / self.size)[self.kept]
 
+    def equations(self, q: Array) -> Array:
+        """Every quadratic equation in the unknowns kept, (equations, 1 + n, 1 + n)."""
+        rows = np.concatenate([self.square, self.others]).astype(np.int64)
+        return self._reduced(q)[0][rows]
+
     def residuals(self, q: Array, x: NDArray[np.number]) -> NDArray[np.number]:
         """What the equations that are not solved come to at solutions x, (*batch, others)."""
         Q, _ = self._reduced(q)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cached_property
+from numbers import Integral
 from typing import Literal
 
 import numpy as np
@@ -75,8 +76,8 @@ class Tracker:
         """
         _require("of", given, ("outputs", "inputs"))
         _require("on_singularity", on_singularity, ("stop", "continue"))
-        if samples < 2:
-            raise ConfigurationError(f"samples is {samples}, expected 2 or more")
+        if not isinstance(samples, Integral) or samples < 2:
+            raise ConfigurationError(f"samples is {samples!r}, expected a whole number, 2 or more")
         coordinates = self.coordinates[given]
         if not len(coordinates):
             what = "operational coordinates" if given == "outputs" else "actuated joints"

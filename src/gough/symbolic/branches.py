@@ -87,14 +87,16 @@ class Branches:
 
     def _step(self) -> bool:
         """Solve for one more unknown or angle, the surest first."""
+        on_circles = {u for circle in self._circles() for u in circle.polynomial.unknowns}
         for degree in (1, 2):
             for condition in self.left:
-                if (
-                    len(condition.polynomial.unknowns) == 1
-                    and condition.polynomial.degree == degree
-                ):
-                    self._solve_alone(condition)
-                    return True
+                p = condition.polynomial
+                if len(p.unknowns) != 1 or p.degree != degree:
+                    continue
+                if degree == 1 and p.unknowns <= on_circles:
+                    continue  # a line on a circle: there the length that misses is the line's own
+                self._solve_alone(condition)
+                return True
         for circle in self._circles():
             lines = [c for c in self.left if c is not circle and self._is_line(c, circle)]
             if lines and (second := self._crossing(lines)) is not None:
