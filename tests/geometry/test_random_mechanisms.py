@@ -162,7 +162,10 @@ def first_of_each(rows):
 
 
 def check(robot):
-    """Everything listed closes with these motors, once; everything met is listed."""
+    """Everything listed closes with these motors, once; everything met is listed.
+
+    Unless the list says that the search for its start solutions was cut short.
+    """
     modes, met = robot.assembly_modes(robot.home.q_actuated, motion="any"), search(robot)
     assert robot.assembler.gaps(modes.q).max() < CLOSED
     actuated = Coordinates(robot.models, "actuated")
@@ -172,7 +175,8 @@ def check(robot):
     assert len(first_of_each(listed)) == len(modes)
     assert len(met)
     missed = apart(signatures(robot, met), listed).min(axis=1) > SAME
-    assert not missed.any(), f"{missed.sum()} of {len(met)} missed\n{modes}"
+    cut_short = any("cut short" in note for note in modes.notes)
+    assert cut_short or not missed.any(), f"{missed.sum()} of {len(met)} missed\n{modes}"
     return modes
 
 
@@ -197,3 +201,9 @@ def test_platforms_have_every_mode_that_newton_meets(seed):
 def test_no_equation_of_a_platform_is_lost(legs):
     """A locked slide's hinge keeps a point of the platform in a plane: a linear equation."""
     check(platform_on_legs(legs, seed=2))
+
+
+def test_what_one_route_loses_another_finds():
+    """Paths to this platform's modes are lost on the first route, and with them one real mode."""
+    modes = check(platform_on_legs(["P*RU", "R*RS", "SP*S"], seed=90))
+    assert any("other routes" in note for note in modes.notes)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gough.geometry import monodromy
 from gough.numerics.certificates import Certificates, Verdict, certify
-from gough.numerics.path_tracking import PathEnding, track_carefully
+from gough.numerics.path_tracking import PathEnding, Paths, track_carefully
 
 if TYPE_CHECKING:
     from gough.geometry.direct_problem import DirectProblem
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
+ROUTES = 4
+"""Most other routes that are taken to the solutions when paths were lost."""
 NEAR, POLISH = 1e-3, 4
 """How far, relative, and in how many steps an end is refined with all equations."""
 SATISFIED = 1e-9
@@ -36,6 +38,8 @@ class Solutions:
         singular: whether some are only nearly real, or not regular.
         count: finite complex solutions that satisfy every equation, told apart by the platform.
         surplus: those that do not satisfy every equation.
+        routes: how many other routes were taken because paths were lost.
+        besides: complex solutions that only these led to.
         ways: in how many ways passive joints fit each of them.
         saturated: whether every path of a complete start set ended at a solution of its own.
     """
@@ -47,6 +51,7 @@ class Solutions:
         self.blurred = np.zeros((0, 1 + self.closure.n), dtype=complex)
         self.saturated = self.closure.n == 0
         self.expected: tuple[int, ...] = ()
+        self.routes = self.besides = 0
         self.q = q
         x = self._tracked(c) if self.closure.n else np.ones((1, 1), dtype=complex)
         x = self._polished(x)
@@ -61,23 +66,55 @@ class Solutions:
         self._prove(x)
 
     def _tracked(self, c: Array) -> Complex:
-        pattern, start = self.closure.pattern, self.direct.start_set
-        paths = track_carefully(pattern, start.coefficients, c.astype(complex), start.x, light=1)
+        start = self.direct.start_set
+        paths = self._walked(start.coefficients, c, start.x)
         for ending in PathEnding:
             count = int(paths.ended(ending).sum())
             if count:
                 self.endings[ending.name.replace("_", " ")] = count
         x = paths.x[paths.ended(PathEnding.arrived)]
         finite = np.abs(x[:, 0]) > monodromy.FINITE
-        regular = monodromy.regular(pattern, c, x) if len(x) else finite
+        regular = self._regular(c, x)
         self._count_ends(finite, regular)
         self.blurred = x[finite & ~regular]
         found = x[finite & regular]
         found = monodromy.distinct(found) if len(found) else found
+        if _lost(paths):
+            found = self._by_other_routes(c, found)
         self.saturated = start.complete and len(found) == len(start.x)
         if start.complete and not len(self.closure.others):
             self.expected = (len(start.x),)
         return found
+
+    def _by_other_routes(self, c: Array, found: Complex) -> Complex:
+        """With the ends of paths over other members, until a route loses none and finds none new.
+
+        Each route leads from all start solutions to all solutions, in another order and past other
+        members where paths come near one another, so that what one loses another finds.
+        """
+        start, rng = self.direct.start_set, np.random.default_rng(0)
+        known = len(found)
+        while self.routes < ROUTES:
+            self.routes += 1
+            middle = self.direct.family.member(rng)
+            there = self._walked(start.coefficients, middle, start.x)
+            paths = self._walked(middle, c, there.x[there.ended(PathEnding.arrived)])
+            x = paths.x[paths.ended(PathEnding.arrived)]
+            x = x[(np.abs(x[:, 0]) > monodromy.FINITE) & self._regular(c, x)]
+            before, every = len(found), np.vstack([found, x])
+            found = monodromy.distinct(every) if len(every) else found
+            if len(found) == before and not (_lost(there) or _lost(paths)):
+                break
+        self.besides = len(found) - known
+        return found
+
+    def _walked(self, start: Complex, target: NDArray[np.number], x: Complex) -> Paths:
+        pattern = self.closure.pattern
+        return track_carefully(pattern, start, np.asarray(target, dtype=complex), x, light=1)
+
+    def _regular(self, c: Array, x: Complex) -> Mask:
+        regular = monodromy.regular(self.closure.pattern, c, x) if len(x) else np.ones(0)
+        return np.asarray(regular, dtype=bool)
 
     def _poses(self, x: Complex) -> int:
         """How many poses of the platform there are among solutions; all of them without one."""
@@ -148,3 +185,9 @@ class Solutions:
     def _certificates(self, affine: Complex) -> Certificates:
         pattern, c, errors = self.closure.proof(self.q)
         return certify(pattern, c, errors, affine)
+
+
+def _lost(paths: Paths) -> bool:
+    """Whether some paths led neither to a solution nor to infinity."""
+    ends = paths.ended(PathEnding.arrived) | paths.ended(PathEnding.infinite)
+    return not bool(np.all(ends))

@@ -223,6 +223,11 @@ class DirectProblem:
                 f"the search for start solutions was cut short at {len(self.start_set.x)}: there "
                 "may be more modes"
             )
+        if ends.routes:
+            notes.append(
+                f"paths were lost: {ends.routes} other routes to all solutions found "
+                f"{ends.besides} more; there may be others"
+            )
         if ends.surplus:
             notes.append(
                 f"solutions that fit some of the equations but not all: {ends.surplus}; the "
@@ -283,8 +288,12 @@ class DirectProblem:
         parts = (pattern.rows, pattern.left, pattern.right, self.closure.loose, samples)
         return digest(*(part.tobytes() for part in parts), "start set 4")
 
+    @cached_property
+    def family(self) -> monodromy.Family:
+        """What the start set is searched for in."""
+        return monodromy.Family(self.closure.pattern, self._samples[:-1], self.closure.loose)
+
     def _search(self) -> monodromy.StartSet:
-        pattern, samples = self.closure.pattern, self._samples
-        family = monodromy.Family(pattern, samples[:-1], self.closure.loose)
         x = self.closure.homogeneous(self.closure.start)
-        return monodromy.find_start_set(family, samples[-1], x, np.random.default_rng(0))
+        rng = np.random.default_rng(0)
+        return monodromy.find_start_set(self.family, self._samples[-1], x, rng)
