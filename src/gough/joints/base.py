@@ -16,12 +16,31 @@ from gough.algebra import Scalar, Transform, Vector
 Unit = Literal["m", "rad"]
 Poses = NDArray[np.float64]
 Dimensions = Mapping[str, Scalar]
-Hold = Literal["point", "axis", "orientation", "line", "level", "circle", "crossed"]
+Hold = Literal["point", "axis", "orientation", "line", "level", "circle", "crossed", "advance"]
 """A condition on frames a and b: their origins coincide; their z axes agree; all axes agree; the
 origin of b lies on the z axis of a, in its x-y plane, or there on a circle of the joint's
-``length``; the x axis of a is normal to the y axis of b."""
+``length``; the x axis of a is normal to the y axis of b; b advances along z by the joint's
+``pitch`` for each turn."""
 Twist = tuple[Vector, Vector]
 """(linear, angular): velocity of the origin of frame b, angular velocity; in axes of frame a."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """One step of a joint written as a chain of single motions from frame a to frame b.
+
+    First the shift, along the axes reached so far; then a turn (rad) about an axis, a slide (m) along
+    it, or a ball, any rotation with a unit quaternion as position. The motion is ``factor`` times the
+    position of the freedom.
+    """
+
+    kind: Literal["turn", "slide", "ball"]
+    axis: int = 2
+    """0, 1 or 2 for x, y or z."""
+    freedom: int = 0
+    """The freedom that moves it, the first of three for a ball."""
+    factor: Scalar = 1.0
+    shift: Vector = al.ZERO
 
 
 @dataclass(frozen=True)
@@ -43,9 +62,9 @@ class JointType(ABC):
     letter: ClassVar[str]
     """The letter of the joint in the name of a leg: U, P and S in 6-UPS."""
     holds: ClassVar[tuple[Hold, ...]] = ()
-    """What it says of frames a and b in words, where a polynomial can."""
+    """What it says of frames a and b."""
     algebraic: ClassVar[bool] = True
-    """Whether ``holds`` says everything; an angle that is also a length is transcendental."""
+    """Whether polynomials can say ``holds``; an angle that is also a length is transcendental."""
     required: ClassVar[tuple[str, ...]] = ()
     optional: ClassVar[tuple[str, ...]] = ()
     planar: ClassVar[bool] = False
@@ -96,6 +115,10 @@ class JointType(ABC):
     @abstractmethod
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         """T_a_b for a position."""
+
+    @abstractmethod
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        """The joint as single motions one after the other; its placement is their product."""
 
     @abstractmethod
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:

@@ -9,7 +9,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Cylindrical(JointType):
@@ -26,6 +26,9 @@ class Cylindrical(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_about("z", q[0]), (0.0, 0.0, q[1])
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return Element("turn"), Element("slide", freedom=1)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         return np.stack([base.angle_about_z(T), T[..., 2, 3]], axis=-1)

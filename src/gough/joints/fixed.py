@@ -9,7 +9,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Fixed(JointType):
@@ -23,6 +23,9 @@ class Fixed(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.HERE
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return ()
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         return np.zeros((*T.shape[:-2], 0))

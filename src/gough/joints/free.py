@@ -10,7 +10,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import quaternion
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist, Unit
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist, Unit
 
 TRANSLATIONS = ("x", "y", "z")
 ROTATIONS = ("rx", "ry", "rz")
@@ -97,6 +97,16 @@ class Free(JointType):
             case (turn,):
                 return al.rotation_about(turn[1], q[0])
         return al.rotation_from_quaternion_wxyz(q)
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        slides = [
+            Element("slide", TRANSLATIONS.index(move), k) for k, move in enumerate(self._shifts)
+        ]
+        n = len(slides)
+        if len(self._turns) == 3:
+            return (*slides, Element("ball", freedom=n))
+        turns = [Element("turn", ROTATIONS.index(move), n) for move in self._turns]
+        return (*slides, *turns)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         shifts = [T[..., TRANSLATIONS.index(move), 3] for move in self._shifts]

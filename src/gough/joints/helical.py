@@ -10,7 +10,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Helical(JointType):
@@ -18,12 +18,16 @@ class Helical(JointType):
 
     name = "helical"
     letter = "H"
+    holds = ("axis", "line", "advance")
     algebraic = False
     required = ("pitch",)
     rates = ("rad",)
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_about("z", q[0]), (0.0, 0.0, _advance(dimensions) * q[0])
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return Element("turn"), Element("slide", factor=_advance(dimensions))
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         turns = T[..., 2, 3] / dimensions["pitch"]

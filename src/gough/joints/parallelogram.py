@@ -9,7 +9,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Parallelogram(JointType):
@@ -31,6 +31,10 @@ class Parallelogram(JointType):
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         (x, _, _) = al.transpose(al.rotation_about("z", q[0]))
         return al.IDENTITY, al.scale(dimensions["length"], x)
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        out = (dimensions["length"], 0.0, 0.0)
+        return Element("turn"), Element("turn", factor=-1.0, shift=out)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         return np.asarray(np.arctan2(T[..., 1, 3], T[..., 0, 3]))[..., None]

@@ -9,7 +9,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Planar(JointType):
@@ -26,6 +26,9 @@ class Planar(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_about("z", q[2]), (q[0], q[1], 0.0)
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return Element("slide", 0), Element("slide", 1, 1), Element("turn", 2, 2)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         return np.stack([T[..., 0, 3], T[..., 1, 3], base.angle_about_z(T)], axis=-1)

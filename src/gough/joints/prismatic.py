@@ -9,7 +9,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Prismatic(JointType):
@@ -23,6 +23,9 @@ class Prismatic(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.IDENTITY, (0.0, 0.0, q[0])
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return (Element("slide"),)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         return np.array(T[..., 2, 3, None])

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Revolute(JointType):
@@ -21,6 +21,9 @@ class Revolute(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_about("z", q[0]), al.ZERO
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return (Element("turn"),)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         return base.angle_about_z(T)[..., None]

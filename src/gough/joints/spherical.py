@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base, quaternion
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Spherical(JointType):
@@ -47,6 +47,9 @@ class Spherical(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.rotation_from_quaternion_wxyz(q), al.ZERO
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return (Element("ball"),)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         return quaternion.wxyz_from_rotations(T[..., :3, :3])

@@ -9,7 +9,7 @@ import numpy as np
 from gough import algebra as al
 from gough.algebra import Scalar, Transform
 from gough.joints import base
-from gough.joints.base import Dimensions, JointType, Poses, Row, Twist
+from gough.joints.base import Dimensions, Element, JointType, Poses, Row, Twist
 
 
 class Universal(JointType):
@@ -26,6 +26,9 @@ class Universal(JointType):
 
     def placement(self, q: Sequence[Scalar], dimensions: Dimensions) -> Transform:
         return al.matmul(al.rotation_about("x", q[0]), al.rotation_about("y", q[1])), al.ZERO
+
+    def chain(self, dimensions: Dimensions) -> tuple[Element, ...]:
+        return Element("turn", axis=0), Element("turn", axis=1, freedom=1)
 
     def measured(self, T: Poses, dimensions: Mapping[str, float]) -> Poses:
         first = np.arctan2(T[..., 2, 1], T[..., 1, 1])

@@ -22,6 +22,8 @@ CONSTANT = 1e-8
 """Relations and entries that stay below this at every sample are zero; a guess."""
 STRONG = 0.2
 """An equation nearly as independent as the best (by this factor) is preferred if it is shorter."""
+TAKEN = 1e-3
+"""How independent (sine of an angle to those before) a rate should be to be preferred; a guess."""
 SPARE = 3
 """Motions there must be beyond the kept rates, or the samples are too few to trust relations."""
 
@@ -111,11 +113,11 @@ def make_plan(
     unknown = [position[k] for k in others if k in position]
     small = {position[k] for k in last if k in position}
     blocks: list[Block] = []
-    for rows, columns in _components(pattern, unknown):
+    for rows, columns in components(pattern, unknown):
         found = _block(reduced, rows, columns, small, threshold)
         if isinstance(found, Unsolvable):
             return Unsolvable(found.rows, tuple(kept[k] for k in found.unknowns))
-        blocks += _triangular(found, pattern)
+        blocks += triangular(found, pattern)
     return Plan(
         tuple(inputs),
         tuple(kept),
@@ -144,6 +146,39 @@ def generic_rank(E: Array, columns: Sequence[int]) -> int:
     return _rank(E[:, :, list(columns)], _threshold(E))
 
 
+def best_independent(E: Array, order: Sequence[int]) -> list[int]:
+    """Variables whose rates tell all others, those that come first preferred.
+
+    A variable is taken if it stays independent of those before it at some sample; of variables
+    that are equally good by the order given nothing is compared.
+    """
+    threshold = _threshold(E)
+    motions = [basis for basis in _bases(E, threshold)]
+    found: list[int] = []
+    for limit in (TAKEN, CONSTANT):
+        for k in order:
+            if len(found) == motions[0].shape[1]:
+                return found
+            if k not in found and max(_smallest(T[[*found, k]]) for T in motions) > limit:
+                found.append(k)
+    return found
+
+
+def relations(
+    E: Array, order: Sequence[int], unit: Array, telling: bool
+) -> tuple[tuple[int, ...], Array]:
+    """Rates w that no constant relation binds, and C with v = C w, in SI units.
+
+    Args:
+        E: closure Jacobians at closed samples, (samples, rows, variables), rows and rates scaled.
+        order: all variables; those that come first are kept.
+        unit: what each scaled rate is a multiple of, (variables,).
+        telling: whether the samples are enough to tell what never changes.
+    """
+    kept, C = _relations(E, order, _threshold(E)) if telling else _none(E)
+    return tuple(kept), _in_units(C, unit, unit[kept])
+
+
 def _threshold(E: Array) -> float:
     return EPSILON * max((float(np.linalg.norm(e, 2)) for e in E if e.size), default=0.0)
 
@@ -163,15 +198,20 @@ def _rank(E: Array, threshold: float) -> int:
 
 def _motions(E: Array, threshold: float) -> Array:
     """Motions that are possible at the regular samples, side by side: (variables, ·)."""
+    return np.hstack(_bases(E, threshold))
+
+
+def _bases(E: Array, threshold: float) -> list[Array]:
+    """An orthonormal basis of the motions that are possible at each regular sample."""
+    if not E.shape[1]:
+        return [np.eye(E.shape[2])]
     rank = _rank(E, threshold)
     bases = []
     for e in E:
-        if not e.size:
-            return np.eye(E.shape[2])
         _, s, Vt = np.linalg.svd(e)
         if np.sum(s > threshold) == rank:
             bases.append(Vt[rank:].T)
-    return np.hstack(bases)
+    return bases
 
 
 # relations
@@ -218,7 +258,7 @@ def _in_units(C: Array, output: Array, kept: Array) -> Array:
 # blocks
 
 
-def _components(pattern: Mask, unknown: Sequence[int]) -> list[tuple[list[int], list[int]]]:
+def components(pattern: Mask, unknown: Sequence[int]) -> list[tuple[list[int], list[int]]]:
     """Rows and unknowns that hang together; unknowns in no row stand alone."""
     left, components = set(unknown), []
     for start in unknown:
@@ -279,7 +319,7 @@ def _chosen(E: Array, count: int, threshold: float) -> list[int]:
     return sorted(chosen)
 
 
-def _triangular(block: Block, pattern: Mask) -> list[Block]:
+def triangular(block: Block, pattern: Mask) -> list[Block]:
     """A block of unique unknowns as smaller ones, one after the other.
 
     The classes of unknowns that need each other, after a matching of unknowns with rows.

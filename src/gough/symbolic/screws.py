@@ -7,7 +7,7 @@ so an axis whose turns cancel, as in a parallelogram, leaves no term behind.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -308,6 +308,12 @@ def combined(form: Array, w: Sequence[Scalar]) -> Scalar:
     """form · w."""
     used = np.flatnonzero(form).tolist()
     return al.total([al.mul(float(form[k]), w[k]) for k in used])
+
+
+def combined_sparse(form: Array, w: Mapping[int, Scalar]) -> Scalar:
+    """form · w with some w absent, which are zero."""
+    used = np.flatnonzero(form).tolist()
+    return al.total([al.mul(float(form[k]), w[k]) for k in used if k in w])
 
 
 def is_zero(vector: Vector) -> bool:

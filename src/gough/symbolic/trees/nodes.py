@@ -1,0 +1,374 @@
+"""The spanning tree as a chain of single motions: turns, slides and balls, each with its own axes.
+
+Bodies whose relative orientation never changes share one set of axes, a *class*, so that nothing is
+turned between them: the two bars of a parallelogram, or a platform that translates and the base.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from gough import algebra as al
+from gough.algebra import Matrix, Scalar, Transform, Vector
+from gough.description.values import scalar, vector
+from gough.joints.base import Element
+from gough.symbolic.closing_rates import Samples
+from gough.symbolic.closure import Closure
+from gough.topology import Closing, Edge
+
+Array = NDArray[np.float64]
+SX = casadi.SX
+
+SAME = 1e-9
+"""Rotations that differ by less at every sample are the same; a guess, far above rounding."""
+EXACT = 1e-11
+"""Entries of constant rotations nearer to 0, 1 or -1 than this are that number."""
+
+
+@dataclass(eq=False)
+class Inertia:
+    """Mass, first moment and inertia about the origin of a node, in its class axes."""
+
+    mass: Scalar = 0.0
+    moment: Vector = al.ZERO
+    """Mass times centre of mass, kg m."""
+    tensor: Matrix = (al.ZERO, al.ZERO, al.ZERO)
+    """About the origin, kg m²."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether the tensor is not zero for certain."""
+        return not all(_zero(x) for row in self.tensor for x in row)
+
+    @property
+    def leans(self) -> bool:
+        """Whether the first moment is not zero for certain."""
+        return not all(map(_zero, self.moment))
+
+
+@dataclass(eq=False)
+class Node:
+    """A frame of the tree and the single motion that carries it; numbers in class axes."""
+
+    index: int
+    name: str
+    parent: Node | None
+    kind: Literal["root", "turn", "slide", "ball", "rest"]
+    axis: int
+    factor: Scalar
+    """Of the position and the rate, negative where the joint is crossed from its second body."""
+    variables: tuple[int, ...]
+    """The variable of a turn or a slide, the three of a ball."""
+    place: slice
+    """Where its position stands in q."""
+    before: Matrix
+    """Rotation from the axes of the parent's node to those of the joint."""
+    offset: Vector
+    """Origin of the joint, in the axes of the parent's node."""
+    reversed: bool = False
+    bodies: dict[str, Transform] = field(default_factory=dict)
+    """T_node_body of the bodies that it carries, in its class axes."""
+    inertia: Inertia = field(default_factory=Inertia)
+    representative: Node = field(init=False)
+    """The node whose axes are those of the class."""
+    to_class: Matrix = al.IDENTITY
+
+    def __post_init__(self) -> None:
+        self.representative = self
+
+    @property
+    def frame(self) -> Node:
+        """The representative of its class."""
+        return self.representative
+
+    @property
+    def outer(self) -> Node:
+        """The class in whose axes the linear motion of a ball's centre is cheapest."""
+        assert self.parent is not None
+        return self.parent.representative
+
+    def ancestors(self) -> Iterator[Node]:
+        """Itself, then its parents up to the root."""
+        node: Node | None = self
+        while node is not None:
+            yield node
+            node = node.parent
+
+    @property
+    def unit(self) -> Vector:
+        """The axis of a turn, along which positive rates point, in class axes."""
+        own = al.scale(self.factor, al.column(al.IDENTITY, self.axis))
+        return al.turn(self.to_class, own)
+
+    @property
+    def direction(self) -> Vector:
+        """The axis of a slide in the class axes of its parent, times its factor."""
+        return al.scale(self.factor, al.column(self.joint_axes, self.axis))
+
+    @property
+    def joint_axes(self) -> Matrix:
+        """Axes of the joint before its own motion, in class axes of the parent."""
+        assert self.parent is not None
+        return al.matmul(self.parent.to_class, self.before)
+
+    @property
+    def arm(self) -> Vector:
+        """Origin of the joint in class axes of the parent, without a slide of its own."""
+        assert self.parent is not None
+        return al.turn(self.parent.to_class, self.offset)
+
+
+@dataclass(frozen=True)
+class End:
+    """A frame of a closing on a node, in class axes."""
+
+    node: Node
+    axes: Matrix
+    point: Vector
+
+
+class Tree:
+    """Nodes of a mechanism.
+
+    Args:
+        closure: the mechanism.
+        samples: closed configurations, from which classes are read.
+
+    Attributes:
+        nodes: parents before children; the first is the root.
+        of_body: the node that carries each body, and T_node_body in the node's own axes.
+    """
+
+    def __init__(self, closure: Closure, samples: Samples) -> None:
+        self.closure, self.samples = closure, samples
+        structure = closure.structure
+        self.nodes: list[Node] = []
+        self.of_body: dict[str, tuple[Node, Matrix, Vector]] = {}
+        root = self._add(structure.root, None, "root", slice(0, 0), (), al.HERE)
+        self.of_body[structure.root] = root, al.IDENTITY, al.ZERO
+        first = 0
+        for k, edge in enumerate(structure.edges):
+            self._cross(k, edge, first)
+            first += edge.type.freedoms
+        self._classify()
+        self._load()
+
+    @property
+    def root(self) -> Node:
+        """The node at rest."""
+        return self.nodes[0]
+
+    # joints as nodes
+
+    def _add(
+        self,
+        name: str,
+        parent: Node | None,
+        kind: Literal["root", "turn", "slide", "ball", "rest"],
+        place: slice,
+        variables: tuple[int, ...],
+        T: Transform,
+        axis: int = 2,
+        factor: Scalar = 1.0,
+        backwards: bool = False,
+    ) -> Node:
+        node = Node(
+            len(self.nodes), name, parent, kind, axis, factor, variables, place, *T, backwards
+        )
+        self.nodes.append(node)
+        return node
+
+    def _cross(self, k: int, edge: Edge, first: int) -> None:
+        """Nodes for one joint of the tree; the last one has the axes of its frame on the child."""
+        node, C, o = self.of_body[edge.parent]
+        R, p = self.closure.frame(edge, edge.parent)
+        back = al.transpose(C)
+        T = al.matmul(back, R), al.turn(back, al.minus(p, o))
+        elements = edge.type.chain(self.closure.dimensions(edge))
+        steps, last = _reversed(elements) if edge.reversed else (elements, al.ZERO)
+        for element in steps:
+            T = T[0], al.plus(T[1], al.turn(T[0], element.shift))
+            node = self._step(k, edge, element, first, node, T)
+            T = al.HERE
+        if not steps:
+            node = self._add(edge.child, node, "rest", slice(0, 0), (), T)
+        R_child, p_child = self.closure.frame(edge, edge.child)
+        beyond = al.minus(p_child, al.turn(R_child, last))
+        self.of_body[edge.child] = node, R_child, beyond
+
+    def _step(
+        self, k: int, edge: Edge, element: Element, first: int, parent: Node, T: Transform
+    ) -> Node:
+        start = self.closure.slices[k].start + element.freedom
+        count, numbers = (3, 4) if element.kind == "ball" else (1, 1)
+        return self._add(
+            edge.name,
+            parent,
+            element.kind,
+            slice(start, start + numbers),
+            tuple(range(first + element.freedom, first + element.freedom + count)),
+            T,
+            element.axis,
+            element.factor,
+            edge.reversed,
+        )
+
+    # classes
+
+    def _classify(self) -> None:
+        """Give nodes whose relative orientation never changes the axes of the first of them."""
+        turns = self._orientations()
+        for node in self.nodes:
+            for other in dict.fromkeys(n.representative for n in self.nodes[: node.index]):
+                relative = other.index, node.index
+                R = np.swapaxes(turns[:, relative[0]], 1, 2) @ turns[:, relative[1]]
+                if np.abs(R - R[0]).max() < SAME and (
+                    self.samples.telling or self._fixed(other, node)
+                ):
+                    node.representative = other
+                    node.to_class = _matrix(R[0])
+                    break
+
+    @staticmethod
+    def _fixed(one: Node, other: Node) -> bool:
+        """Whether only slides lie between two nodes, one of them an ancestor of the other."""
+        between = []
+        for node in other.ancestors():
+            if node is one:
+                return all(n.kind in ("slide", "rest") for n in between)
+            between.append(node)
+        return False
+
+    def _orientations(self) -> Array:
+        """R_root_node at every sample, (samples, nodes, 3, 3)."""
+        q, found = self.closure.q, [al.IDENTITY]
+        for node in self.nodes[1:]:
+            assert node.parent is not None
+            R = al.matmul(found[node.parent.index], node.before)
+            found.append(al.matmul(R, rotation(node, q)))
+        flat = [SX(x) for R in found for row in R for x in row]
+        numbers = evaluated(self.closure, self.samples, flat)
+        return numbers.reshape(len(numbers), -1, 3, 3)
+
+    def _load(self) -> None:
+        """Put bodies and their inertia on nodes, in class axes."""
+        structure, values = self.closure.structure, self.closure.values
+        for body, (node, C, o) in self.of_body.items():
+            R = al.matmul(node.to_class, al.transpose(C))
+            node.bodies[body] = R, al.turn(R, al.scale(-1.0, o))
+            described = structure.flat.bodies.get(body)
+            if described is None:
+                continue
+            mass, c = scalar(described.mass, values), vector(described.com, values, 2, 3)
+            com = al.plus(node.bodies[body][1], al.turn(R, (*c, 0.0)[:3]))
+            inertia = vector(described.inertia, values, 3, 6)
+            add_body(node, mass, com, al.matmul(al.matmul(R, _tensor(inertia)), al.transpose(R)))
+
+    def end(self, closing: Closing, side: int) -> End:
+        """One frame of a closing."""
+        body = closing.bodies[side]
+        node, *_ = self.of_body[body]
+        R, p = self.closure.frame(closing, body)
+        T = al.compose(node.bodies[body], (R, p))
+        return End(node, _clean(T[0]), T[1])
+
+
+def rotation(node: Node, q: SX) -> Matrix:
+    """R of the node's own motion, from a configuration."""
+    if node.kind == "turn":
+        angle = al.mul(node.factor, q[node.place.start])
+        return turned(node.axis, al.cos(angle), al.sin(angle))
+    if node.kind == "ball":
+        R = al.rotation_from_quaternion_wxyz([q[k] for k in range(node.place.start, node.place.stop)])
+        return al.transpose(R) if node.reversed else R
+    return al.IDENTITY
+
+
+def turned(axis: int, c: Scalar, s: Scalar) -> Matrix:
+    """Rotation about a coordinate axis by an angle with this cosine and sine."""
+    i, k = (axis + 1) % 3, (axis + 2) % 3
+    R = [[1.0 if a == b else 0.0 for b in range(3)] for a in range(3)]
+    R[i][i], R[k][k], R[i][k], R[k][i] = c, c, al.mul(-1.0, s), s
+    return tuple(tuple(row) for row in R)  # type: ignore[return-value]
+
+
+def add_body(node: Node, mass: Scalar, com: Vector, central: Matrix) -> None:
+    """Add a body to the inertia of a node; its inertia is about its centre of mass."""
+    moment = al.scale(mass, com)
+    steiner = shifted(mass, com)
+    own = node.inertia
+    tensor = tuple(
+        tuple(al.total([a, b, c]) for a, b, c in zip(*rows, strict=True))
+        for rows in zip(own.tensor, central, steiner, strict=True)
+    )
+    node.inertia = Inertia(al.add(own.mass, mass), al.plus(own.moment, moment), tensor)  # type: ignore[arg-type]
+
+
+def shifted(mass: Scalar, r: Vector) -> Matrix:
+    """m (r² 1 - r rᵀ), the inertia of a point."""
+    square = al.dot(r, r)
+    return tuple(
+        tuple(
+            al.mul(mass, al.sub(square if i == k else 0.0, al.mul(r[i], r[k]))) for k in range(3)
+        )
+        for i in range(3)
+    )  # type: ignore[return-value]
+
+
+def evaluated(closure: Closure, samples: Samples, scalars: Sequence[Scalar]) -> Array:
+    """Scalars of (q, p) at every sample, (samples, scalars)."""
+    if not len(scalars):
+        return np.zeros((len(samples.q), 0))
+    column = casadi.densify(SX(casadi.vertcat(*[SX(x) for x in scalars])))
+    function = casadi.Function("scalars", [closure.q, closure.p], [column])
+    pairs = zip(samples.q, samples.p, strict=True)
+    return np.array([np.array(function(q, p)).ravel() for q, p in pairs])
+
+
+def _reversed(elements: Sequence[Element]) -> tuple[list[Element], Vector]:
+    """The chain from b to a, and the shift left over at its end."""
+    steps, shift = [], al.ZERO
+    for element in reversed(elements):
+        steps.append(
+            Element(
+                element.kind,
+                element.axis,
+                element.freedom,
+                al.mul(-1.0, element.factor),
+                shift,
+            )
+        )
+        shift = al.scale(-1.0, element.shift)
+    return steps, shift
+
+
+def _tensor(entries: Sequence[Scalar]) -> Matrix:
+    xx, yy, zz, xy, xz, yz = (*entries, 0.0, 0.0, 0.0)[:6]
+    return (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+
+
+def _matrix(R: Array) -> Matrix:
+    near = np.round(R)
+    R = np.where(np.abs(R - near) < EXACT, near, R)
+    return tuple(tuple(row) for row in R.tolist())  # type: ignore[return-value]
+
+
+def _clean(R: Matrix) -> Matrix:
+    """Numbers that are 0, 1 or -1 but for rounding made so."""
+
+    def snapped(x: Scalar) -> Scalar:
+        if al.is_number(x) and abs(x - round(x)) < EXACT:
+            return float(round(x))
+        return x
+
+    return tuple(tuple(snapped(x) for x in row) for row in R)  # type: ignore[return-value]
+
+
+def _zero(x: Scalar) -> bool:
+    return al.is_number(x) and x == 0
