@@ -11,7 +11,8 @@ from gough import algebra as al
 from gough.algebra import Matrix, Scalar, Vector
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion
-from gough.symbolic.trees.nodes import Inertia, Node, Tree, shifted
+from gough.symbolic.trees.nodes import Inertia, Node, shifted
+from gough.symbolic.trees.regrouping import Pair
 
 Array = NDArray[np.float64]
 Wrench = tuple[Vector, Vector]
@@ -26,9 +27,12 @@ class Loads:
         inertia: Mapping[int, Inertia] | None = None,
         wrenches: Mapping[str, Wrench] | None = None,
         rotors: Mapping[int, Scalar] | None = None,
+        pairs: Sequence[Pair] = (),
     ) -> None:
         self.inertia = inertia
         """By node, where it is not the tree's own."""
+        self.pairs = pairs
+        """Points whose accelerations ask for forces at each other."""
         self.wrenches = wrenches or {}
         """By body: force and moment about its origin, in root axes."""
         self.rotors = rotors or {}
@@ -48,7 +52,7 @@ def tree_forces(
     """
     tree = frames.tree
     found: list[Scalar] = [0.0] * variables
-    carried: dict[int, Wrench] = {}
+    carried = _pair_wrenches(frames, motion, loads)
     for node in reversed(tree.nodes[1:]):
         f, t = carried.get(node.index, (al.ZERO, al.ZERO))
         inner = _inertial(motion, node, loads.of(node))
@@ -81,6 +85,20 @@ def _inertial(motion: Motion, node: Node, body: Inertia) -> Wrench:
             f = al.plus(f, al.turn(motion.tensor(node.frame), body.moment))
             t = al.plus(t, al.cross(body.moment, a))
     return f, t
+
+
+def _pair_wrenches(frames: Frames, motion: Motion, loads: Loads) -> dict[int, Wrench]:
+    """What the points of pairs ask for, about the origin of their node, in class axes."""
+    found: dict[int, Wrench] = {}
+    for pair in loads.pairs:
+        ends = ((pair.a, pair.p_a, pair.b, pair.p_b), (pair.b, pair.p_b, pair.a, pair.p_a))
+        for node, p, other, at in ends:
+            a, axes = motion.point_acceleration(other, at)
+            force = al.scale(pair.k, frames.turn(a, axes, node.frame))
+            before = found.get(node.index, (al.ZERO, al.ZERO))
+            moment = al.cross(p, force)
+            found[node.index] = al.plus(before[0], force), al.plus(before[1], moment)
+    return found
 
 
 def _outer_loads(frames: Frames, node: Node, loads: Loads) -> list[Wrench]:
@@ -144,7 +162,28 @@ def mass_matrix(frames: Frames, loads: Loads, variables: int) -> list[list[Scala
                 M[variable][k] = al.add(M[variable][k], above[k])
     for variable, rotor in loads.rotors.items():
         M[variable][variable] = al.add(M[variable][variable], rotor)
+    for pair in loads.pairs:
+        _add_pair(frames, pair, M)
     return M
+
+
+def _add_pair(frames: Frames, pair: Pair, M: list[list[Scalar]]) -> None:
+    """k (J_aᵀ J_b + J_bᵀ J_a), with the velocities of the points for unit rates."""
+    variables, root = len(M), frames.tree.root
+    columns = []
+    for node, p in ((pair.a, pair.p_a), (pair.b, pair.p_b)):
+        own: dict[int, Vector] = {}
+        for k in sorted({v for n in node.ancestors() for v in n.variables}):
+            motion = Motion(frames, np.eye(variables), {k: 1.0})
+            v, axes = motion.point_velocity(node, p)
+            own[k] = frames.turn(v, axes, root)
+        columns.append(own)
+    for i, v in columns[0].items():
+        for k, w in columns[1].items():
+            x = al.mul(pair.k, al.dot(v, w))
+            M[i][k], M[k][i] = al.add(M[i][k], x), al.add(M[k][i], x)
+
+
 
 
 def _composites(frames: Frames, loads: Loads) -> dict[int, Inertia]:

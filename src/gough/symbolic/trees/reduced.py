@@ -24,6 +24,7 @@ from gough.symbolic.trees.factors import Factors, Grid
 from gough.symbolic.trees.forces import Loads, mass_matrix, tree_forces
 from gough.symbolic.trees.frames import Frames, Rates
 from gough.symbolic.trees.motion import Motion
+from gough.symbolic.trees.nodes import Node
 
 from gough.symbolic.trees.selection import Chosen, Selection
 from gough.symbolic.trees.ties import Rows
@@ -242,12 +243,8 @@ class Reduced:
             for s in rows[: a + 1]:
                 x = al.total([al.mul(K[r].get(k, 0.0), MK[k, s]) for k in unknowns])
                 X[r, s] = X[s, r] = x
+        self._add_reflected(A, X, rows)
         P = self._unit_rows(rows)
-        XP = {
-            (r, j): al.total([al.mul(X[r, s], P[s, j]) for s in rows])
-            for r in rows
-            for j in range(len(A))
-        }
         KM = {
             (r, j): al.total(
                 [al.mul(K[r].get(k, 0.0), M[k][y]) for k in unknowns]
@@ -257,11 +254,71 @@ class Reduced:
         }
         for i in range(len(A)):
             for j in range(i + 1):
-                x = al.total([al.mul(P[r, i], XP[r, j]) for r in rows])
-                x = al.sub(x, al.total([al.mul(P[r, i], KM[r, j]) for r in rows]))
-                x = al.sub(x, al.total([al.mul(P[r, j], KM[r, i]) for r in rows]))
+                x = al.total([al.mul(P[r, i], KM[r, j]) for r in rows])
+                x = al.add(x, al.total([al.mul(P[r, j], KM[r, i]) for r in rows]))
+                A[i][j] = al.sub(A[i][j], x)
+                A[j][i] = A[i][j]
+
+    def _add_reflected(self, A: Grid, X: Mapping[tuple[int, int], Scalar], rows: list[int]) -> None:
+        """Add Pᵀ X P with P = L Z: first to the points where the leg closes, then to y."""
+        L, Z = self._through_points(rows)
+        n = len(Z)
+        XL = [
+            [al.total([al.mul(X[r, s], L[s][a]) for s in rows]) for a in range(n)] for r in rows
+        ]
+        D = [[0.0] * n for _ in range(n)]
+        for a in range(n):
+            for b in range(a + 1):
+                D[a][b] = al.total([al.mul(L[r][a], XL[k][b]) for k, r in enumerate(rows)])
+                D[b][a] = D[a][b]
+        DZ = [[al.dot(D[a], [z[j] for z in Z]) for j in range(len(A))] for a in range(n)]
+        for i in range(len(A)):
+            for j in range(i + 1):
+                x = al.total([al.mul(Z[a][i], DZ[a][j]) for a in range(n)])
                 A[i][j] = al.add(A[i][j], x)
                 A[j][i] = A[i][j]
+
+    def _through_points(self, rows: Sequence[int]) -> tuple[dict[int, list[Scalar]], Grid]:
+        """P of some rows as L Z, with Z the velocity of the closing point for unit given rates.
+
+        Where rows hold more than the velocity of one point that the given rates alone move, Z is
+        the identity.
+        """
+        ends = {self._given_end(row) for row in (self.selection.rows[r] for r in rows)}
+        end = ends.pop() if len(ends) == 1 else None
+        count = len(self.selection.given)
+        if end is None or count <= 3:
+            P = self._unit_rows(rows)
+            identity = [[float(i == j) for j in range(count)] for i in range(count)]
+            return {r: [P[r, j] for j in range(count)] for r in rows}, identity
+        node, point, sign = end
+        Z: Grid = [[], [], []]
+        for k in self.selection.given:
+            v, axes = Motion(self.frames, self.C, {k: 1.0}).point_velocity(node, point)
+            for a, x in enumerate(v):
+                Z[a].append(x)
+        L = {}
+        for r in rows:
+            row = self.selection.rows[r]
+            turned = [self.frames.turn(unit, axes, row.axes) for unit in al.IDENTITY]
+            L[r] = [al.mul(sign, t[row.component]) for t in turned]
+        return L, Z
+
+    def _given_end(self, row: Chosen) -> tuple[Node, Vector, float] | None:
+        """The end of a closing point that only given rates move, if the other moves by none."""
+        tie = row.tie
+        if tie.word != "point" or tie.common is not self.tree.root:
+            return None
+        given = set(self.selection.given)
+        moved = [
+            {k for n in end.node.ancestors() for v in n.variables for k in np.flatnonzero(self.C[v])}
+            for end in (tie.a, tie.b)
+        ]
+        if moved[1] <= given and not moved[0] & given:
+            return tie.b.node, tie.b.point, 1.0
+        if moved[0] <= given and not moved[1] & given:
+            return tie.a.node, tie.a.point, -1.0
+        return None
 
     def _inverse(self, rows: Sequence[int]) -> dict[int, Rates]:
         """Columns of J⁻¹ of one group, by row."""

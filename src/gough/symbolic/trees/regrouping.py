@@ -1,0 +1,218 @@
+"""The sparsest inertia that moves alike: fewest and cheapest numbers, found by linear programmes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+
+from gough import algebra as al
+from gough.algebra import Vector
+from gough.symbolic.trees.frames import Frames
+from gough.symbolic.trees.nodes import Inertia, Node, Tree, evaluated
+from gough.symbolic.trees.ties import ties
+from gough.symbolic.trees.transfers import NUMBERS, Transfers, as_vector, each_node, from_vector
+
+Array = NDArray[np.float64]
+
+COST = np.array([5.0, 8.0, 8.0, 8.0, 3.0, 3.0, 3.0, 5.0, 5.0, 5.0])
+"""What a mass, a moment and entries of a tensor cost in a recursion, about; only ratios count."""
+GIVEN, UNNAMED, DEEPER = 0.25, 1.5, 0.15
+"""Factors of the cost for bodies whose motion is given, for nodes without a body, and for each
+joint between a node and the root."""
+TRIES, SPREAD = 24, 0.7
+"""Linear programmes with other weights, and how much these differ (logarithm)."""
+SMALL, NOTHING = 1e-7, 1e-10
+"""Numbers below this in the programme's result are made zero, and below the second are."""
+SAME = 1e-9
+"""Points that stay together to this, in characteristic lengths, are one."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A body as the motion of two points: f_a = k a_b and f_b = k a_a besides masses at points."""
+
+    a: Node
+    p_a: Vector
+    b: Node
+    p_b: Vector
+    k: float
+
+
+@dataclass(frozen=True)
+class Regrouped:
+    """Equivalent inertia of a tree."""
+
+    inertia: dict[int, Inertia]
+    """By node."""
+    pairs: tuple[Pair, ...] = ()
+
+
+def regroupings(tree: Tree, frames: Frames, given: set[int]) -> list[Regrouped]:
+    """Sparse equivalent inertias, the sparsest first; none where inertia hangs on live parameters.
+
+    Args:
+        tree: the mechanism.
+        frames: its placing by joint positions.
+        given: variables whose motion is given.
+    """
+    transfers = Transfers(tree)
+    try:
+        p = np.concatenate([as_vector(node.inertia) for node in transfers.nodes])
+    except (TypeError, RuntimeError, NotImplementedError):
+        return []
+    found = [p]
+    if transfers.basis.size and p.any():
+        kinds = [_kind(node) for node in transfers.nodes]
+        found = _sparsest(p, transfers.basis, _scale(p), _costs(transfers.nodes, given), kinds)
+    return [_with_pairs(tree, frames, _inertias(transfers.nodes, x), given) for x in found]
+
+
+def _inertias(nodes: list[Node], p: Array) -> dict[int, Inertia]:
+    return {node.index: from_vector(x) for node, x in zip(nodes, each_node(p), strict=True)}
+
+
+def _kind(node: Node) -> str:
+    """What nodes of like legs have in common: the name without its leg."""
+    return f"{node.name.rpartition('.')[2]} {node.kind} {node.axis}"
+
+
+def _scale(p: Array) -> Array:
+    """Typical sizes of the ten numbers, for each node."""
+    rows = p.reshape(-1, NUMBERS)
+    mass = np.abs(rows[:, 0]).max() or 1.0
+    length = np.sqrt(np.abs(rows[:, 4:7]).max() / mass) or 1.0
+    own = np.r_[mass, [mass * length] * 3, [mass * length**2] * 6]
+    return np.tile(own, len(rows))
+
+
+def _costs(nodes: list[Node], given: set[int]) -> Array:
+    costs = []
+    for node in nodes:
+        factor = 1 + DEEPER * len(list(node.ancestors()))
+        if node.variables and set(node.variables) <= given:
+            factor = GIVEN
+        elif not node.bodies:
+            factor *= UNNAMED
+        costs.append(factor * COST)
+    return np.concatenate(costs)
+
+
+def _sparsest(
+    p: Array, basis: Array, scale: Array, cost: Array, kinds: Sequence[str]
+) -> list[Array]:
+    """p + basis z with small weighted sums of sizes, for several weightings, the cheapest first.
+
+    Like legs get like weights, so that they come out alike.
+    """
+    U, s, _ = np.linalg.svd(basis / scale[:, None], full_matrices=False)
+    N = U[:, s > SAME * s[0]]
+    start = p / scale
+    rng = np.random.default_rng(3)
+    found, weight = {(start != 0).tobytes(): start}, cost
+    for _ in range(TRIES):
+        z = _programme(start, N, weight)
+        if z is not None:
+            x = _cleaned(start + N @ z, start, N)
+            found[(x != 0).tobytes()] = x
+        factors = {kind: np.exp(SPREAD * rng.normal(size=NUMBERS)) for kind in dict.fromkeys(kinds)}
+        weight = cost * np.concatenate([factors[kind] for kind in kinds])
+    ordered = sorted(found.values(), key=lambda x: float(cost[x != 0].sum()))
+    return [np.asarray(x * scale) for x in ordered]
+
+
+def _programme(start: Array, N: Array, weight: Array) -> Array | None:
+    """min Σ weight |start + N z| as a linear programme."""
+    n, k = N.shape
+    weighted = N * weight[:, None]
+    A = np.block([[weighted, -np.eye(n)], [-weighted, -np.eye(n)]])
+    b = np.r_[-start * weight, start * weight]
+    bounds = [(None, None)] * k + [(0, None)] * n
+    found = linprog(np.r_[np.zeros(k), np.ones(n)], A_ub=A, b_ub=b, bounds=bounds, method="highs")
+    return None if found.x is None else np.asarray(found.x[:k])
+
+
+def _cleaned(x: Array, start: Array, N: Array) -> Array:
+    """Numbers that are nearly zero made zero exactly, as far as the transfers can."""
+    small = np.abs(x) < SMALL
+    z = np.linalg.lstsq(N[small], -start[small], rcond=None)[0]
+    exact = start + N @ z
+    return np.where(np.abs(exact) < NOTHING, 0.0, exact)
+
+
+# bodies as two points
+
+
+def _with_pairs(
+    tree: Tree, frames: Frames, inertia: dict[int, Inertia], given: set[int]
+) -> Regrouped:
+    """Bodies without a tensor, and with a moment along the way to where they close, as two points."""
+    pairs: list[Pair] = []
+    for node in tree.nodes[1:]:
+        body = inertia[node.index]
+        if body.turns or not body.leans or (node.variables and set(node.variables) <= given):
+            continue
+        pair = next(_pairs_of(tree, frames, node, body), None)
+        if pair is None:
+            continue
+        pairs.append(pair)
+        mass = as_vector(body)[0] - 2 * pair.k
+        point = from_vector(_point(mass, pair.p_a))
+        inertia[node.index] = Inertia()
+        if pair.a.index in inertia:
+            total = as_vector(inertia[pair.a.index]) + as_vector(point)
+            inertia[pair.a.index] = from_vector(total)
+    return Regrouped(inertia, tuple(pairs))
+
+
+def _point(mass: float, p: Vector) -> Array:
+    x, y, z = p
+    return mass * np.array([1, x, y, z, y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z])
+
+
+def _pairs_of(tree: Tree, frames: Frames, node: Node, body: Inertia) -> Iterator[Pair]:
+    """Ways to see a body as its origin, on the outermost node that has it, and a closing point."""
+    start, p = _outermost(node)
+    origin = _track(tree, frames, start, p)
+    moment = np.array(body.moment, dtype=float)
+    for tie in ties(tree):
+        for end in (tie.a, tie.b):
+            if tie.word != "point" or node in end.node.ancestors():
+                continue
+            far = _track(tree, frames, end.node, end.point) - origin
+            own = _in_axes(tree, frames, node, far)
+            r = own[0]
+            steady = np.abs(own - r).max() < SAME * tree.samples.length
+            if np.linalg.norm(r) < SAME * tree.samples.length or not steady:
+                continue
+            if np.linalg.norm(np.cross(r, moment)) < SAME * np.linalg.norm(r) * np.linalg.norm(moment):
+                yield Pair(start, p, end.node, end.point, float(moment @ r / (r @ r)))
+
+
+def _outermost(node: Node) -> tuple[Node, Vector]:
+    """The node nearest to the root to which the origin of a node is fixed, and the point there."""
+    p: Vector = al.ZERO
+    while node.kind != "slide" and node.parent is not None:
+        arm = node.arm
+        if not all(map(al.is_number, arm)):
+            break
+        if any(p) and node.kind != "rest":
+            break
+        p = al.plus(arm, al.turn(node.joint_axes, al.turn(al.transpose(node.to_class), p)))
+        node = node.parent
+    return node, p
+
+
+def _track(tree: Tree, frames: Frames, node: Node, p: Vector) -> Array:
+    """A point in root axes at every sample, (samples, 3)."""
+    return evaluated(tree.closure, tree.samples, frames.root_position(node, p))
+
+
+def _in_axes(tree: Tree, frames: Frames, node: Node, x: Array) -> Array:
+    """Vectors in root axes, in axes of a node's class."""
+    R = frames.from_root(node.frame)
+    flat = evaluated(tree.closure, tree.samples, [entry for row in R for entry in row])
+    return np.asarray(np.einsum("sij,si->sj", flat.reshape(-1, 3, 3), x))
