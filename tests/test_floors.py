@@ -16,6 +16,7 @@ FLOORS = [
     {"models"},
     {"assembly"},
     {"analysis", "geometry"},
+    {"dynamics"},
     {"robot"},
     {"view"},
     {"studies", "catalogue_facts"},
@@ -23,11 +24,11 @@ FLOORS = [
 ]
 LEVEL = {room: k for k, floor in enumerate(FLOORS) for room in floor}
 HEAVY = {
-    "casadi": {"kernels", "symbolic", "models", "geometry"},
+    "casadi": {"kernels", "symbolic", "models", "geometry", "dynamics"},
     "llvmlite": {"kernels", "numerics"},
     "numba": {"numerics"},
     "matplotlib": {"view"},
-    "scipy": {"analysis"},
+    "scipy": {"analysis", "symbolic", "dynamics"},
     "pydantic": {"description", "formats"},
     "yaml": {"formats"},
     "click": {"cli"},

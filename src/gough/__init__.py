@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         Joint,
         Leg,
         Mechanism,
+        Motor,
         Parameter,
     )
     from gough.errors import (
@@ -43,6 +44,7 @@ _ROOMS = {
         "Joint",
         "Leg",
         "Mechanism",
+        "Motor",
         "Parameter",
     ),
     "gough.errors": (
@@ -71,6 +73,7 @@ __all__ = [
     "Joint",
     "Leg",
     "Mechanism",
+    "Motor",
     "OutOfReach",
     "Parameter",
     "Robot",

@@ -73,6 +73,16 @@ class OutOfReach(ClosureError):
         super().__init__(f"{place} is out of reach: {reasons[0]}{others}")
 
 
+class SingularError(GoughError, ArithmeticError):
+    """Dynamics have no answer for a row: a singularity, a pose out of reach, an impossible rate."""
+
+    def __init__(self, count: int, rows: Sequence[int], reasons: Sequence[str]) -> None:
+        self.rows, self.reasons = tuple(rows), tuple(reasons)
+        place = f"row {rows[0]} of {count}: " if count > 1 else ""
+        others = f"; {len(rows) - 1} more rows have no answer either" if len(rows) > 1 else ""
+        super().__init__(f"{place}{reasons[0]}{others}")
+
+
 class ConfigurationError(GoughError, ValueError):
     """A configuration has the wrong shape, or holds values that are not finite."""
 

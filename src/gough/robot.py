@@ -26,6 +26,7 @@ from gough.topology import Modelling, Role, Structure
 if TYPE_CHECKING:
     import xarray
 
+    from gough.dynamics.dynamics import Dynamics, Wrench
     from gough.geometry.assembly_modes import AssemblyModes
     from gough.geometry.direct import DirectGeometry
     from gough.geometry.direct_problem import DirectProblem
@@ -313,6 +314,96 @@ class Robot:
             ConfigurationError: an argument has the wrong shape or value.
         """
         return self._tracker.follow(path, of, near, on_singularity, samples)
+
+    # dynamics
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """Inverse and direct dynamics over batches, with a named ending for each row."""
+        from gough.dynamics.dynamics import Dynamics
+
+        outputs = bool(self.structure.columns("operational"))
+        inverse = self._inverse if outputs else None
+        return Dynamics(self.models, self.assembler, self.home.q, inverse, self.kinematics)
+
+    def inverse_dynamics(
+        self,
+        x: ArrayLike,
+        xd: ArrayLike,
+        xdd: ArrayLike,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Efforts of the motors for a motion, (*batch, actuated), N and N m.
+
+        Args:
+            x: operational coordinates, (*batch, n); a pose where all six freedoms are.
+            xd: their rates, (*batch, outputs); of a pose the twist (linear, angular) in base axes.
+            xdd: their accelerations, (*batch, outputs).
+            wrench: what the surroundings do to the platform, (force, moment about its origin) in
+                base axes, (*batch, 6), or such by the names of bodies.
+            gravity: in base axes, (*batch, 3), m/s²; that of the description by default.
+
+        Raises:
+            SingularError: a row is out of reach, or at a singularity or too near to one.
+            ConfigurationError: an argument has the wrong shape.
+        """
+        if wrench is None and gravity is None:
+            quick = self.dynamics.quick_inverse(x, xd, xdd)
+            if quick is not None:
+                return quick
+        return self.dynamics.require(self.dynamics.inverse(x, xd, xdd, wrench, gravity)).efforts
+
+    def direct_dynamics(
+        self,
+        x: ArrayLike,
+        xd: ArrayLike,
+        tau: ArrayLike,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Accelerations of the outputs for efforts, (*batch, outputs); see `inverse_dynamics`."""
+        if wrench is None and gravity is None:
+            quick = self.dynamics.quick_direct(x, xd, tau)
+            if quick is not None:
+                return quick
+        return self.dynamics.require(self.dynamics.direct(x, xd, tau, wrench, gravity)).accelerations
+
+    def inverse_dynamics_joint(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Efforts of the motors in joint space, (*batch, actuated), N and N m.
+
+        Args:
+            q: closed configurations, (*batch, positions).
+            v: rates of ``dynamics.independent()``, (*batch, independent).
+            a: their accelerations, (*batch, independent).
+            wrench: as for `inverse_dynamics`.
+            gravity: as for `inverse_dynamics`.
+
+        Raises:
+            SingularError: a row is at a singularity, or too near to one.
+            ConfigurationError: an argument has the wrong shape, or a row is not closed.
+        """
+        found = self.dynamics.inverse_joint(q, v, a, wrench, gravity)
+        return self.dynamics.require(found).efforts
+
+    def direct_dynamics_joint(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Accelerations of the independent variables, (*batch, independent)."""
+        found = self.dynamics.direct_joint(q, v, tau, wrench, gravity)
+        return self.dynamics.require(found).accelerations
 
     # programs
 

@@ -89,6 +89,9 @@ def test_the_schema_is_one_json_object():
     joint = schema["$defs"]["Joint"]["properties"]
     assert "revolute" in joint["type"]["enum"]
     assert joint["actuated"]["type"] == "boolean"
+    motor = schema["$defs"]["Motor"]
+    assert motor["properties"].keys() == {"inertia", "ratio", "effort", "speed"}
+    assert "required" not in motor
 
 
 def test_every_command_has_help():

@@ -98,6 +98,23 @@ WRONG = {
         ("actuated: true", "actuator: true"),
         ":9:46: joints.A.actuator: there is no entry 'actuator' here. Did you mean 'actuated'?",
     ),
+    "motor of a passive joint": (
+        ("bodies: [crank, coupler]", "motor: {ratio: 50}, bodies: [crank, coupler]"),
+        ":10:23: joints.B.motor: a joint with a motor needs actuated: true",
+    ),
+    "rotor of negative inertia": (
+        ("actuated: true", "actuated: true, motor: {inertia: a - 1}"),
+        ":9:79: joints.A.motor.inertia: the inertia of the rotor is -0.9 kg m²; it can not be",
+    ),
+    "unknown entry of a motor": (
+        ("actuated: true", "actuated: true, motor: {gear: 50}"),
+        ":9:70: joints.A.motor.gear: there is no entry 'gear' here. "
+        "Known: effort, inertia, ratio, speed.",
+    ),
+    "motor that is a number": (
+        ("actuated: true", "actuated: true, motor: 50"),
+        ":9:69: joints.A.motor: expected a mapping of names, got 50",
+    ),
     "tab": (("  crank:", "\tcrank:"), ":5:1: "),
     "alias": (("a: 0.1", "a: &x 0.1"), "anchor"),
     "tag": (("a: 0.1", "a: !!python/object/apply:os.system [ls]"), "tag"),

@@ -61,6 +61,50 @@ def test_twists_are_the_rate_of_the_placement(kind, seed):
         np.testing.assert_allclose(np.r_[linear, angular], np.concatenate(twist), atol=1e-8)
 
 
+def walked(kind, q, dimensions):
+    """Each step of the chain: the element, the axes it turns or slides in, where, and the end."""
+    R, p, steps = np.eye(3), np.zeros(3), []
+    for element in kind.chain(dimensions):
+        p = p + R @ np.array(element.shift)
+        steps.append((element, R, p))
+        x = element.factor * q[element.freedom]
+        if element.kind == "slide":
+            p = p + x * R[:, element.axis]
+        elif element.kind == "turn":
+            R = R @ np.array(al.rotation_about("xyz"[element.axis], x))
+        else:
+            ball = q[element.freedom : element.freedom + 4]
+            R = R @ np.array(al.rotation_from_quaternion_wxyz(ball))
+    return steps, R, p
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: f"{kind.name}-{kind.freedoms}")
+@pytest.mark.parametrize("seed", range(4))
+def test_the_motions_of_the_chain_make_the_placement(kind, seed):
+    _, q, _, dimensions = placed(kind, seed)
+    _, R, p = walked(kind, q, dimensions)
+    expected = kind.placement(q, dimensions)
+    np.testing.assert_allclose(R, np.array(expected[0], dtype=float), atol=1e-14)
+    np.testing.assert_allclose(p, np.array(expected[1], dtype=float), atol=1e-14)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: f"{kind.name}-{kind.freedoms}")
+@pytest.mark.parametrize("seed", range(4))
+def test_the_rates_of_the_chain_add_up_to_the_twists(kind, seed):
+    """A turn about e through o gives the far end the twist (e x (p - o), e), a slide (e, 0)."""
+    _, q, _, dimensions = placed(kind, seed)
+    steps, _, end = walked(kind, q, dimensions)
+    found = np.zeros((kind.freedoms, 6))
+    for element, R, o in steps:
+        axes = range(3) if element.kind == "ball" else [element.axis]
+        for k, axis in enumerate(axes):
+            e = element.factor * R[:, axis]
+            twist = (e, np.zeros(3)) if element.kind == "slide" else (np.cross(e, end - o), e)
+            found[element.freedom + k] += np.concatenate(twist)
+    expected = [np.concatenate(twist) for twist in kind.twists(q, dimensions)]
+    np.testing.assert_allclose(found, np.reshape(expected, (-1, 6)), atol=1e-14)
+
+
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: f"{kind.name}-{kind.freedoms}")
 def test_position_rates_are_the_rate_of_the_retraction(kind):
     q = random_position(kind, np.random.default_rng(7))

@@ -8,7 +8,18 @@ from gough.description.parts import (
     Frame,
     Joint,
     Leg,
+    Motor,
     Parameter,
 )
 
-__all__ = ["Body", "Constraint", "Coupling", "Frame", "Joint", "Leg", "Mechanism", "Parameter"]
+__all__ = [
+    "Body",
+    "Constraint",
+    "Coupling",
+    "Frame",
+    "Joint",
+    "Leg",
+    "Mechanism",
+    "Motor",
+    "Parameter",
+]

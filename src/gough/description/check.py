@@ -12,7 +12,7 @@ from gough.description.expression import RESERVED, ExpressionError
 from gough.description.flat import OWN, Flat, flatten
 from gough.description.form import Description
 from gough.description.frames import FrameError, transform
-from gough.description.parts import Body, Constraint, Frame, Joint
+from gough.description.parts import Body, Constraint, Frame, Joint, Motor
 from gough.description.values import evaluate_parameters, scalar, vector
 from gough.errors import Path, Problem, closest
 from gough.joints import TYPES
@@ -193,11 +193,37 @@ class _Checker:
             self.report((*path, "actuated"), f"a {joint.type} joint has no freedom to actuate")
         if joint.actuated and joint.type == "free":
             self.report((*path, "actuated"), "a free joint has no motor")
+        if joint.motor is not None:
+            self._check_motor(joint, joint.motor, (*path, "motor"))
         if self.mechanism.motion == "planar" and not kind.planar:
             known = ", ".join(sorted(t for t in TYPES if TYPES[t].planar))
             self.report(
                 (*path, "type"), f"a {joint.type} joint leaves the plane; planar are {known}"
             )
+
+    def _check_motor(self, joint: Joint, motor: Motor, path: Path) -> None:
+        rates = TYPES[joint.type].rates
+        if len(rates) != 1:
+            text = f"a motor needs a joint of one freedom; a {joint.type} joint has {len(rates)}"
+            self.report(path, text, on_key=True)
+        elif not joint.actuated:
+            self.report(path, "a joint with a motor needs actuated: true", on_key=True)
+        inertia = self._scalar(motor.inertia, (*path, "inertia"))
+        if inertia is not None and inertia < 0:
+            text = f"the inertia of the rotor is {inertia:g} kg m²; it can not be negative"
+            self.report((*path, "inertia"), text)
+        if self._scalar(motor.ratio, (*path, "ratio")) == 0:
+            self.report((*path, "ratio"), "the ratio is zero: the motor would not move the joint")
+        slides = rates == ("m",)
+        limits = (
+            ("effort", motor.effort, "N" if slides else "N m"),
+            ("speed", motor.speed, "m/s" if slides else "rad/s"),
+        )
+        for key, written, unit in limits:
+            limit = None if written is None else self._scalar(written, (*path, key))
+            if limit is not None and limit <= 0:
+                text = f"the largest {key} is {limit:g} {unit}; it must be positive"
+                self.report((*path, key), text)
 
     def _check_dimensions(self, joint: Joint, path: Path) -> None:
         kind = TYPES[joint.type]

@@ -152,8 +152,15 @@ def _add_parallelogram(flat: Flat, name: str, joint: Joint, path: Path) -> None:
     for bar in (bar1, bar2):
         flat.add("bodies", bar, rod, path)
     for pin, (bodies, frames, home) in pins.items():
-        moved = joint.actuated and pin == "near1"
-        part = Joint(type="revolute", bodies=bodies, frames=frames, actuated=moved, home=home)
+        driven = pin == "near1"
+        part = Joint(
+            type="revolute",
+            bodies=bodies,
+            frames=frames,
+            actuated=joint.actuated and driven,
+            motor=joint.motor if driven else None,
+            home=home,
+        )
         flat.add("joints", name if pin == "near1" else f"{name}.{pin}", part, path)
     near1, near2, far1 = name, f"{name}.near2", f"{name}.far1"
     flat.add("couplings", f"{name}.bars", Coupling(terms={near2: 1, near1: -1}), path)

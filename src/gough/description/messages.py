@@ -8,7 +8,16 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails
 
 from gough.description.form import Description
-from gough.description.parts import Body, Constraint, Coupling, Frame, Joint, Leg, Parameter
+from gough.description.parts import (
+    Body,
+    Constraint,
+    Coupling,
+    Frame,
+    Joint,
+    Leg,
+    Motor,
+    Parameter,
+)
 from gough.errors import Path, Problem, closest
 
 
@@ -62,11 +71,15 @@ def _fields_at(path: Path) -> tuple[str, ...]:
         "legs": Leg,
         "parameters": Parameter,
     }
-    for part in path:
+    left = iter(path)
+    for part in left:
         if part in kinds and model in (Description, Leg):
             model = kinds[str(part)]
+            next(left, None)  # the name of the part, which may be that of an entry
         elif part in ("frames", "home"):
             model = Frame
+        elif part == "motor":
+            model = Motor
     return tuple(sorted(model.model_fields))
 
 

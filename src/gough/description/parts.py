@@ -136,6 +136,20 @@ class Body(Part):
     """Approximate pose of a free link at the start, in base axes."""
 
 
+class Motor(Part):
+    """What drives an actuated joint of one freedom, through a gear, a screw, a reel or directly."""
+
+    inertia: Scalar = 0.0
+    """Of the rotor, and what turns with it before the gear, about its axis, kg m²."""
+    ratio: Scalar = 1.0
+    """Turns of the rotor for one turn of the joint; for a slide rad of the rotor for one metre:
+    1/radius of a reel or pinion, 2 pi/lead of a screw. A negative one turns it the other way."""
+    effort: Scalar | None = None
+    """Largest effort at the joint, either way, N m or N."""
+    speed: Scalar | None = None
+    """Largest rate of the joint, either way, rad/s or m/s."""
+
+
 class Joint(Part):
     """A joint between two bodies, with a frame on either."""
 
@@ -143,6 +157,8 @@ class Joint(Part):
     bodies: tuple[str, str]
     frames: tuple[Frame, Frame] = (Frame(), Frame())
     actuated: bool = False
+    motor: Motor | None = None
+    """What drives an actuated joint; the joint feels ratio² · inertia."""
     dimensions: dict[str, Scalar] = Field(default_factory=dict)
     """The numbers a type needs besides its frames: ``pitch`` of a helical joint, m a turn."""
     home: Position | None = None

@@ -327,7 +327,7 @@ class Kinematics:
                 "determine all rates, or are more than that; use type_2"
             )
         q = np.asarray(q, dtype=float)
-        self._require_closed(q)
+        self.require_closed(q)
         signs = [self._determinant_sign(found, at) for at in (q, self.home)]
         return np.asarray(signs[0] * signs[1])
 
@@ -339,7 +339,7 @@ class Kinematics:
 
     def _smallest(self, q: ArrayLike, role: Role) -> Array:
         q = np.asarray(q, dtype=float)
-        self._require_closed(q)
+        self.require_closed(q)
         E, passive, own = self._scaled_jacobian(q), self._columns("passive"), self._columns(role)
         sampled = self._sampled
         eliminated = sampled.rank(passive)
@@ -375,14 +375,14 @@ class Kinematics:
         size of their rows of E: between 0 (singular) and 1. Only open configurations are refused.
         """
         q = np.asarray(q, dtype=float)
-        self._require_closed(q)
+        self.require_closed(q)
         return self.from_operational.regularity(q, self.assembler.p)
 
     def _scaled_jacobian(self, q: Array) -> Array:
         E = self.models.jacobian(q, self.assembler.p)
         return np.asarray(self.assembler.row_scale[:, None] * E * self.assembler.rate_scale)
 
-    def _require_closed(self, q: Array) -> None:
+    def require_closed(self, q: Array) -> None:
         F = np.abs(self.assembler.row_scale * self.models.residual(q, self.assembler.p))
         gap = F.max(axis=-1, initial=0.0)
         _refuse(
@@ -393,7 +393,7 @@ class Kinematics:
         )
 
     def _require_regular(self, found: RateMap, q: Array) -> None:
-        self._require_closed(q)
+        self.require_closed(q)
         p = self.assembler.p
         measure = found.regularity(q, p)
         _refuse(

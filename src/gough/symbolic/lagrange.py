@@ -190,4 +190,4 @@ def _spread(moments: Sequence[Scalar], mixed: Sequence[Scalar]) -> SX:
 
 
 def _massless(weight: _Weight) -> bool:
-    return al.is_number(weight.mass) and weight.mass == 0 and SX(weight.spread).is_zero()
+    return al.is_number(weight.mass) and weight.mass == 0 and bool(weight.spread.is_zero())

@@ -7,12 +7,15 @@ unsolved motion give it:
 - a d + b = 0, or the root of a quadratic equation, for a slide;
 - two equations a c + b s = k for a turn, or one and c² + s² = 1.
 
-Branches are those of the samples. What is solved is put in, and the search goes on.
+Branches are those of the samples. What is solved is put in, and the search goes on; loops that share
+no unsolved variable are solved one after the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import functools
+import operator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import casadi
@@ -27,13 +30,22 @@ from gough.symbolic.trees.positions import JointPositions, Place
 from gough.symbolic.trees.ties import Tie, ties
 
 Array = NDArray[np.float64]
+Fits = NDArray[np.bool_]
 SX = casadi.SX
+Line = tuple[SX, SX, SX]
+"""(a, b, k) of a c + b s = k."""
 
 FITS = 1e-6
 """How near a root has to come to the samples to be theirs; a guess, branches are far apart."""
 SEEN = 1e-10
 """Change of an equation below which it does not depend on a motion."""
-DIVISION, ROOT = 6, 8
+ROUND = 1e-8
+"""How near c² + s² has to come to 1 at samples where two equations give them."""
+GUESSES = 3
+"""Open configurations at which dependence is tried."""
+ENOUGH = 4
+"""Samples that have to be in one working mode to tell its branches; a guess."""
+WEIGHTS = {casadi.OP_DIV: 6.0, casadi.OP_SQRT: 8.0}
 """What a quotient and a root count in operations, where ways are compared."""
 
 
@@ -46,6 +58,11 @@ class Equation:
     component: int | None
 
     @property
+    def parts(self) -> tuple[Scalar, ...]:
+        """The residual of a component; both vectors, one after the other, of a distance."""
+        return (*self.left, *self.right) if self.component is None else (self.residual,)
+
+    @property
     def residual(self) -> Scalar:
         """What vanishes."""
         if self.component is None:
@@ -55,57 +72,93 @@ class Equation:
 
 @dataclass(frozen=True)
 class Way:
-    """A way to solve for one variable: its cost and its branches."""
+    """A way to solve for one variable, with its branches."""
 
     variable: int
     roots: tuple[Place, ...]
-    cost: float
+    effort: float
+    """What it costs however many operations it takes; a guess."""
+    counted: tuple[SX, ...]
+    """What is counted in operations beside that."""
     sides: Vector | None = None
     """For a length that is the root of a sum of squares: their roots."""
 
 
+@dataclass(frozen=True)
+class Rated:
+    """A way with its cost, and the samples that are on each of its branches."""
+
+    way: Way
+    cost: float
+    fits: Fits
+    """(roots, samples)."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One closing point: what it says of the unsolved variables of its loop."""
+
+    tie: Tie
+    variables: frozenset[int]
+    """Those that its equations depend on."""
+    own: dict[int, list[Equation]]
+    """Equations that depend on one of them alone."""
+
+
 @dataclass
 class ClosedForm:
-    """Closed forms of one mechanism.
+    """Closed forms of one mechanism, each on one branch: in one working mode.
 
     Args:
         tree: the mechanism.
         C: all rates v = C w, (variables, kept).
         kept: the variables of w.
         given: variables whose positions are known.
+        first_mode: whether samples may be in other working modes than the first of them, on which
+            the branches are then; else a variable whose branches differ is left.
 
     Attributes:
         known: cosine and sine, or length, of each variable that is solved.
         left: variables that have no closed form here.
+        in_mode: the samples for which the closed forms hold, (samples,).
     """
 
     tree: Tree
     C: Array
     kept: tuple[int, ...]
     given: Sequence[int]
+    first_mode: bool = False
     known: dict[int, Place] = field(init=False, default_factory=dict)
     left: list[int] = field(init=False)
+    in_mode: Fits = field(init=False)
 
     def __post_init__(self) -> None:
         self._nodes = {node.variables[0]: node for node in self.tree.nodes if node.variables}
         self.left = [v for v in self.kept if v not in set(self.given)]
-        self._symbols = {v: self._symbol(v) for v in self.left if self._single(v)}
-        self._points = [tie for tie in ties(self.tree) if tie.word == "point"]
+        self.in_mode = np.ones(len(self.tree.samples.q), dtype=bool)
+        if not all(map(self._single, self.left)) or self._balls():
+            return
+        self._open = [*self.left, *self._others()]
+        self._symbols = {v: self._symbol(v) for v in self._open}
+        self._flat = casadi.vertcat(*[x for p in self._symbols.values() for x in _parts(p)])
         self._sides: list[tuple[Scalar, Vector]] = []
-        rng = np.random.default_rng(5)
-        self._guesses = [self._guess(rng) for _ in range(3)]
-        if all(v in self._symbols for v in self.left) and not self._balls():
-            while self.left and self._step():
-                pass
+        self._guesses = self._guess(np.random.default_rng(5))
+        self._frames = self._placed()
+        loops = [self._loop(tie) for tie in ties(self.tree) if tie.word == "point"]
+        for group in _hanging_together(loops):
+            self._solve(group)
+        self.left = [v for v in self.left if v not in self.known]
 
     def _single(self, variable: int) -> bool:
         return variable in self._nodes and self._nodes[variable].kind in ("turn", "slide")
 
     def _balls(self) -> bool:
         """Whether a rotation of the tree is neither given nor constant."""
+        given = set(self.given)
         return any(
-            node.kind == "ball" and not set(node.variables) <= set(self.given) and node.frame is node
+            not {self.kept[k] for v in node.variables for k in np.flatnonzero(self.C[v])} <= given
             for node in self.tree.nodes
+            if node.kind == "ball" and node.frame is node
         )
 
     def _symbol(self, variable: int) -> Place:
@@ -113,38 +166,79 @@ class ClosedForm:
             return SX.sym(f"c{variable}"), SX.sym(f"s{variable}")
         return SX.sym(f"d{variable}")
 
-    # equations
+    def _others(self) -> list[int]:
+        """Turns that are not kept, and no sums of those that are."""
+        positions = JointPositions(self.tree, self.C, self.kept)
+        return [
+            v
+            for v, node in self._nodes.items()
+            if node.kind == "turn" and node.frame is node and v not in self.kept
+            if positions.sum_of(v) is None
+        ]
 
-    def _step(self) -> bool:
-        """Solve for one more variable; whether there was a way."""
+    def _placed(self) -> Frames:
         known = {**self._symbols, **self.known}
-        frames = Frames(self.tree, JointPositions(self.tree, self.C, self.kept, known))
-        equations = [e for e in self._equations(frames) if not al.is_number(e.residual)]
+        return Frames(self.tree, JointPositions(self.tree, self.C, self.kept, known))
+
+    # loops
+
+    def _solve(self, loops: list[Loop]) -> None:
+        """Solve for the variables of loops that share some, one after the other."""
+        ways: dict[int, list[Rated]] = {}
+        fresh = frozenset[int]().union(*(loop.variables for loop in loops))
+        while True:
+            ways |= {v: self._rated_ways(v, loops) for v in fresh}
+            found = self._chosen([rated for each in ways.values() for rated in each])
+            if found is None:
+                return
+            way, root = found
+            self._learn(way, root)
+            del ways[way.variable]
+            near = [loop for loop in loops if way.variable in loop.variables]
+            fresh = frozenset[int]().union(*(loop.variables for loop in near)) - {way.variable}
+            loops = [self._loop(loop.tie) if loop in near else loop for loop in loops]
+
+    def _learn(self, way: Way, root: Place) -> None:
+        self.known[way.variable] = root
+        self._open.remove(way.variable)
+        if way.sides is not None:
+            self._sides.append((root, way.sides))
+        self._frames = self._placed()
+
+    def _chosen(self, ways: Sequence[Rated]) -> tuple[Way, Place] | None:
+        """The cheapest way with the branch of the samples, or else of the first of them."""
+        ways = sorted(ways, key=lambda rated: rated.cost)
+        for rated in ways:
+            for root, fits in zip(rated.way.roots, rated.fits, strict=True):
+                if fits[self.in_mode].all():
+                    return rated.way, root
+        for rated in ways if self.first_mode else ():
+            for root, fits in zip(rated.way.roots, rated.fits, strict=True):
+                on_some = rated.fits.any(axis=0)[self.in_mode].all()
+                if fits[0] and on_some and (self.in_mode & fits).sum() >= ENOUGH:
+                    self.in_mode = self.in_mode & fits
+                    return rated.way, root
+        return None
+
+    def _loop(self, tie: Tie) -> Loop:
+        """A loop in what is known by now."""
+        equations = [e for e in self._equations(tie) if not al.is_number(e.residual)]
         asks = self._dependence([e.residual for e in equations])
-        ways: list[Way] = []
-        for n, variable in enumerate(self.left):
-            own = [e for e, row in zip(equations, asks, strict=True) if row[n] and row.sum() == 1]
-            ways += self._ways(variable, own)
-        for way in sorted(ways, key=lambda way: way.cost):
-            root = self._fitting(way)
-            if root is None:
-                continue
-            self.known[way.variable] = root
-            self.left.remove(way.variable)
-            if way.sides is not None:
-                self._sides.append((root, way.sides))
-            return True
-        return False
+        own: dict[int, list[Equation]] = {}
+        for e, row in zip(equations, asks, strict=True):
+            if row.sum() == 1:
+                own.setdefault(self._open[int(row.argmax())], []).append(e)
+        variables = frozenset(self._open[n] for n in np.flatnonzero(asks.any(axis=0)))
+        return Loop(tie, variables, own)
 
-    def _equations(self, frames: Frames) -> Iterator[Equation]:
-        """Components and distances of every closing point from every node of its loop."""
-        for tie in self._points:
-            for own, other in ((tie.a, tie.b), (tie.b, tie.a)):
-                yield from self._seen(frames, tie, own, other)
+    def _equations(self, tie: Tie) -> Iterator[Equation]:
+        """Components and distances of a closing point from every node of its loop."""
+        for own, other in ((tie.a, tie.b), (tie.b, tie.a)):
+            yield from self._seen(tie, own, other)
 
-    def _seen(self, frames: Frames, tie: Tie, own: End, other: End) -> Iterator[Equation]:
+    def _seen(self, tie: Tie, own: End, other: End) -> Iterator[Equation]:
         """The closing point from the nodes between the common one and one end."""
-        line = []
+        frames, line = self._frames, []
         for node in own.node.ancestors():
             line.append(node)
             if node is tie.common:
@@ -161,122 +255,84 @@ class ClosedForm:
 
     # what depends on what
 
-    def _guess(self, rng: np.random.Generator) -> dict[int, float]:
-        return {
-            v: rng.uniform(-2, 2) if isinstance(place, tuple) else rng.uniform(0.3, 0.8)
-            for v, place in self._symbols.items()
-        }
+    def _guess(self, rng: np.random.Generator) -> Array:
+        """Values of unsolved variables at open configurations, (guesses, variables)."""
+        turns = [isinstance(place, tuple) for place in self._symbols.values()]
+        lows, highs = np.where(turns, -2, 0.3), np.where(turns, 2, 0.8)
+        return rng.uniform(lows, highs, (min(GUESSES, len(self.in_mode)), len(turns)))
 
-    def _flat(self) -> list[SX]:
-        return [x for place in self._symbols.values() for x in _parts(place)]
+    def _numbers(self, guesses: Array) -> Array:
+        """Values of the symbols, (symbols, guesses)."""
+        rows: list[Array] = []
+        for place, x in zip(self._symbols.values(), guesses.T, strict=True):
+            rows += [np.cos(x), np.sin(x)] if isinstance(place, tuple) else [x]
+        return np.array(rows)
 
-    def _numbers(self, guess: dict[int, float]) -> list[float]:
-        found: list[float] = []
-        for v, place in self._symbols.items():
-            angle = isinstance(place, tuple)
-            found += [np.cos(guess[v]), np.sin(guess[v])] if angle else [guess[v]]
-        return found
-
-    def _dependence(self, residuals: Sequence[Scalar]) -> NDArray[np.bool_]:
+    def _dependence(self, residuals: Sequence[Scalar]) -> Fits:
         """Which unsolved variables each residual depends on, tried at open configurations."""
-        closure = self.tree.closure
-        column = casadi.vertcat(*[SX(x) for x in residuals], SX(0, 1))
-        function = casadi.Function(
-            "residuals", [closure.q, closure.p, casadi.vertcat(*self._flat())], [column]
-        )
-        found = np.zeros((len(residuals), len(self.left)), dtype=bool)
-        samples = zip(self.tree.samples.q, self.tree.samples.p, strict=True)
-        for guess, (q, p) in zip(self._guesses, samples, strict=False):
-            before = np.array(function(q, p, self._numbers(guess))).ravel()
-            for n, v in enumerate(self.left):
-                moved = self._numbers({**guess, v: guess[v] + 1.1})
-                change = np.array(function(q, p, moved)).ravel() - before
-                found[:, n] |= ~(np.abs(change) < SEEN)
+        closure, samples = self.tree.closure, self.tree.samples
+        column = casadi.densify(casadi.vertcat(*[SX(x) for x in residuals], SX(0, 1)))
+        function = casadi.Function("residuals", [closure.q, closure.p, self._flat], [column])
+        order = [list(self._symbols).index(v) for v in self._open]
+        found = np.zeros((len(residuals), len(order)), dtype=bool)
+        for guess, q, p in zip(self._guesses, samples.q, samples.p, strict=False):
+            tries = np.repeat(guess[None], len(order) + 1, axis=0)
+            tries[range(len(order)), order] += 1.1
+            at = (np.repeat(x[:, None], len(tries), axis=1) for x in (q, p))
+            values = _mapped(function, *at, self._numbers(tries))
+            found |= ~(np.abs(values[:, :-1] - values[:, -1:]) < SEEN)
         return found
 
-    def _plain(self, x: Scalar, variable: int) -> SX:
-        """An expression with the unsolved variables that it does not depend on left out."""
-        symbols, values = [SX.sym("none")], [SX(0.0)]
-        for v in self.left:
-            if v != variable:
-                parts = _parts(self._symbols[v])
-                symbols += parts
-                values += [SX(1.0), SX(0.0)][: len(parts)]
-        return casadi.substitute(SX(x), casadi.vertcat(*symbols), casadi.vertcat(*values))
+    def _plain(self, column: SX, variable: int) -> SX:
+        """Expressions with the unsolved variables that they do not depend on left out."""
+        others = [self._symbols[v] for v in self._open if v != variable]
+        symbols = casadi.vertcat(*[x for place in others for x in _parts(place)], SX(0, 1))
+        values = [x for place in others for x in ((1.0, 0.0) if isinstance(place, tuple) else (1.0,))]
+        return casadi.substitute(column, symbols, casadi.DM(values))
 
     # ways
 
+    def _rated_ways(self, variable: int, loops: Sequence[Loop]) -> list[Rated]:
+        own = [e for loop in loops for e in loop.own.get(variable, ())]
+        return self._rated(list(self._ways(variable, own))) if own else []
+
     def _ways(self, variable: int, equations: Sequence[Equation]) -> Iterator[Way]:
         place = self._symbols[variable]
-        if isinstance(place, tuple):
-            lines = [line for e in equations for line in self._line(variable, e)]
-            yield from self._turns(variable, lines)
-            return
+        column = casadi.vertcat(*[SX(x) for e in equations for x in e.parts])
+        form = Form(self._plain(column, variable), casadi.vertcat(*_parts(place)))
+        first, sides = 0, []
         for e in equations:
-            yield from self._slides(variable, e)
+            sides.append([form.rows(first, first + 1)])
+            if e.component is None:
+                sides[-1] = [form.rows(first, first + 3), form.rows(first + 3, first + 6)]
+            first += len(e.parts)
+        if isinstance(place, tuple):
+            yield from self._turns(variable, [x for each in sides for x in _line(each)])
+        else:
+            yield from (way for each in sides for way in _slide(variable, each))
 
-    def _slides(self, variable: int, e: Equation) -> Iterator[Way]:
-        d = self._symbols[variable]
-        if e.component is not None:
-            x = self._plain(e.residual, variable)
-            a, b = casadi.jacobian(x, d), casadi.substitute(x, d, 0.0)
-            if not casadi.depends_on(a, d):
-                yield Way(variable, (-b / a,), 1 + self._count([a, b]))
-            return
-        for one, other in ((e.left, e.right), (e.right, e.left)):
-            moving, fixed = (self._vector(v, variable) for v in (one, other))
-            if casadi.depends_on(fixed, d):
-                continue
-            along, at = casadi.jacobian(moving, d), casadi.substitute(moving, d, 0.0)
-            if casadi.depends_on(along, d):
-                continue
-            yield self._distance(variable, along, at, fixed)
-
-    def _distance(self, variable: int, along: SX, at: SX, fixed: SX) -> Way:
-        """|at + d along|² = |fixed|²."""
-        a, b = casadi.dot(along, along), casadi.dot(at, along)
-        k = casadi.dot(at, at) - casadi.dot(fixed, fixed)
-        if b.is_zero():
-            root = casadi.sqrt(-k / a)
-            plain = a.is_one() and casadi.dot(at, at).is_zero()
-            sides = (fixed[0], fixed[1], fixed[2]) if plain else None
-            return Way(variable, (root, -root), 2 + self._count([k]), sides)
-        root = casadi.sqrt(b * b - a * k)
-        return Way(variable, ((root - b) / a, (-root - b) / a), 3 + self._count([k, b]))
-
-    def _vector(self, v: Vector, variable: int) -> SX:
-        return self._plain(casadi.vertcat(*[SX(x) for x in v]), variable)
-
-    def _line(self, variable: int, e: Equation) -> Iterator[tuple[SX, SX, SX]]:
-        """(a, b, k) with a c + b s = k, if the equation is one."""
-        both = casadi.vertcat(*_parts(self._symbols[variable]))
-        if e.component is not None:
-            x = self._plain(e.residual, variable)
-            slope = casadi.jacobian(x, both)
-            if not casadi.depends_on(slope, both):
-                yield slope[0], slope[1], -casadi.substitute(x, both, casadi.SX.zeros(2))
-            return
-        for one, other in ((e.left, e.right), (e.right, e.left)):
-            moving, fixed = (self._vector(v, variable) for v in (one, other))
-            slope = casadi.jacobian(moving, both)
-            if casadi.depends_on(fixed, both) or casadi.depends_on(slope, both):
-                continue
-            at, x, y = casadi.substitute(moving, both, casadi.SX.zeros(2)), slope[:, 0], slope[:, 1]
-            # |x| = |y| and x·y = 0, since a turn carries a circle
-            rest = casadi.dot(fixed, fixed) - casadi.dot(at, at) - casadi.dot(x, x)
-            yield 2 * casadi.dot(at, x), 2 * casadi.dot(at, y), rest
-            return
-
-    def _turns(self, variable: int, lines: Sequence[tuple[SX, SX, SX]]) -> Iterator[Way]:
+    def _turns(self, variable: int, lines: Sequence[Line]) -> Iterator[Way]:
+        lines = self._different(lines)
         for n, line in enumerate(lines):
             for other in lines[:n]:
                 crossing = _crossing(line, other)
-                if crossing is not None and self._on_circle(crossing):
-                    yield Way(variable, (crossing,), 0.5 + self._count(crossing))
+                if crossing is not None:
+                    yield Way(variable, (crossing,), 0.5, crossing)
             roots = self._on_line(line)
-            yield Way(variable, roots, 4 + self._count(roots[0]))
+            yield Way(variable, roots, 4, roots[0])
 
-    def _on_line(self, line: tuple[SX, SX, SX]) -> tuple[Place, Place]:
+    def _different(self, lines: Sequence[Line]) -> list[Line]:
+        """The cheapest of lines that are the same."""
+        values = self._at_samples([x for line in lines for x in line])
+        values = values.reshape(len(lines), 3 * values.shape[1])
+        costs = self._costs(lines)
+        found: list[int] = []
+        for n in sorted(range(len(lines)), key=lambda n: costs[n]):
+            if not any(np.abs(values[n] - values[k]).max() < SEEN for k in found):
+                found.append(n)
+        return [lines[n] for n in sorted(found)]
+
+    def _on_line(self, line: Line) -> tuple[Place, Place]:
         """The points of a line on the unit circle."""
         a, b, k = line
         if a.is_zero():
@@ -307,33 +363,116 @@ class ClosedForm:
 
     # choosing
 
-    def _on_circle(self, crossing: tuple[SX, SX]) -> bool:
-        values = self._at_samples(crossing)
-        finite = np.isfinite(values).all()
-        return bool(finite and np.abs((values**2).sum(axis=1) - 1).max() < 1e-8)
+    def _rated(self, ways: Sequence[Way]) -> list[Rated]:
+        """Ways with a branch on which samples are, and what they cost."""
+        fits = self._fits(ways)
+        asked = slice(0, 1) if self.first_mode else self.in_mode
+        pairs = [(w, f) for w, f in zip(ways, fits, strict=True) if f[:, asked].all(axis=1).any()]
+        costs = self._costs([way.counted for way, _ in pairs])
+        return [Rated(w, w.effort + 0.01 * c, f) for (w, f), c in zip(pairs, costs, strict=True)]
 
-    def _at_samples(self, place: Place) -> Array:
-        """Values of a place over the samples, (samples, 1 or 2)."""
-        closure, samples = self.tree.closure, self.tree.samples
-        column = casadi.densify(casadi.vertcat(*_parts(place)))
-        function = casadi.Function("place", [closure.q, closure.p], [column])
-        pairs = zip(samples.q, samples.p, strict=True)
-        return np.array([np.array(function(q, p)).ravel() for q, p in pairs])
+    def _costs(self, values: Sequence[Sequence[SX]]) -> list[float]:
+        """Operations that values take beyond what is known already."""
+        return _costs([x for place in self.known.values() for x in _parts(place)], values)
 
-    def _fitting(self, way: Way) -> Place | None:
-        """The root on which all samples are."""
+    def _fits(self, ways: Sequence[Way]) -> list[Fits]:
+        """For each way, which samples are on which root, (roots, samples)."""
+        roots = [(way, root) for way in ways for root in way.roots]
+        values = iter(self._at_samples([x for _, root in roots for x in _parts(root)]))
+        found = iter([self._on_root(way, root, values) for way, root in roots])
+        return [np.array([next(found) for _ in way.roots]) for way in ways]
+
+    def _on_root(self, way: Way, root: Place, values: Iterator[Array]) -> Fits:
         q = self.tree.samples.q[:, self._nodes[way.variable].place.start]
-        for root in way.roots:
-            truth = np.stack([np.cos(q), np.sin(q)], 1) if isinstance(root, tuple) else q[:, None]
-            found = self._at_samples(root)
-            if np.isfinite(found).all() and np.abs(found - truth).max() < FITS:
-                return root
-        return None
+        if not isinstance(root, tuple):
+            return np.abs(next(values) - q) < FITS
+        c, s = next(values), next(values)
+        near = np.maximum(np.abs(c - np.cos(q)), np.abs(s - np.sin(q))) < FITS
+        return near & (np.abs(c * c + s * s - 1) < ROUND)
 
-    def _count(self, values: Sequence[SX]) -> float:
-        """What values cost beyond what is known already, in hundredths."""
-        have = [x for place in self.known.values() for x in _parts(place)]
-        return 0.01 * (_operations([*have, *values]) - _operations(have))
+    def _at_samples(self, scalars: Sequence[SX]) -> Array:
+        """Scalars of (q, p), (scalars, samples)."""
+        closure, samples = self.tree.closure, self.tree.samples
+        column = casadi.densify(casadi.vertcat(*scalars, SX(0, 1)))
+        function = casadi.Function("places", [closure.q, closure.p], [column])
+        return _mapped(function, samples.q.T, samples.p.T)
+
+
+class Form:
+    """Expressions as sums x = at + slope · symbols, where they are.
+
+    Args:
+        column: the expressions.
+        symbols: cosine and sine, or a length.
+    """
+
+    def __init__(self, column: SX, symbols: SX) -> None:
+        self.slope = casadi.jacobian(column, symbols)
+        self.at = casadi.substitute(column, symbols, SX.zeros(symbols.numel()))
+        self.bent = casadi.which_depends(column, symbols, 2, True)
+
+    def rows(self, first: int, end: int) -> Side:
+        """Some of them."""
+        return Side(self.at[first:end], self.slope[first:end, :], any(self.bent[first:end]))
+
+
+@dataclass(frozen=True)
+class Side:
+    """One number or vector x = at + slope · symbols."""
+
+    at: SX
+    slope: SX
+    bent: bool
+    """Whether it is not of this form."""
+
+    @property
+    def moves(self) -> bool:
+        """Whether it depends on the symbols."""
+        return self.bent or self.slope.nnz() > 0
+
+
+def _moving(sides: Sequence[Side]) -> tuple[Side, Side] | None:
+    """The side of |left|² = |right|² that moves, and the one that does not."""
+    left, right = sides
+    for one, other in ((left, right), (right, left)):
+        if not other.moves and not one.bent:
+            return one, other
+    return None
+
+
+def _slide(variable: int, sides: Sequence[Side]) -> Iterator[Way]:
+    """Ways to a length by one equation."""
+    if len(sides) == 1:
+        if not sides[0].bent:
+            a, b = sides[0].slope, sides[0].at
+            yield Way(variable, (-b / a,), 1, (a, b))
+    elif (pair := _moving(sides)) is not None:
+        yield _distance(variable, pair[0].slope, pair[0].at, pair[1].at)
+
+
+def _distance(variable: int, along: SX, at: SX, fixed: SX) -> Way:
+    """|at + d along|² = |fixed|²."""
+    a, b = casadi.dot(along, along), casadi.dot(at, along)
+    k = casadi.dot(at, at) - casadi.dot(fixed, fixed)
+    if b.is_zero():
+        root = casadi.sqrt(-k / a)
+        plain = a.is_one() and casadi.dot(at, at).is_zero()
+        sides = (fixed[0], fixed[1], fixed[2]) if plain else None
+        return Way(variable, (root, -root), 2, (k,), sides)
+    root = casadi.sqrt(b * b - a * k)
+    return Way(variable, ((root - b) / a, (-root - b) / a), 3, (k, b))
+
+
+def _line(sides: Sequence[Side]) -> Iterator[Line]:
+    """(a, b, k) with a c + b s = k, if one equation says so."""
+    if len(sides) == 1:
+        if not sides[0].bent:
+            yield sides[0].slope[0], sides[0].slope[1], -sides[0].at
+    elif (pair := _moving(sides)) is not None:
+        at, x, y, fixed = pair[0].at, pair[0].slope[:, 0], pair[0].slope[:, 1], pair[1].at
+        # |x| = |y| and x·y = 0, since a turn carries a circle
+        rest = casadi.dot(fixed, fixed) - casadi.dot(at, at) - casadi.dot(x, x)
+        yield 2 * casadi.dot(at, x), 2 * casadi.dot(at, y), rest
 
 
 def _lifted(frames: Frames, node: Node, p: Vector, top: Node) -> Vector:
@@ -349,7 +488,7 @@ def _parts(place: Place) -> list[SX]:
     return [SX(x) for x in place] if isinstance(place, tuple) else [SX(place)]
 
 
-def _crossing(one: tuple[SX, SX, SX], two: tuple[SX, SX, SX]) -> tuple[SX, SX] | None:
+def _crossing(one: Line, two: Line) -> tuple[SX, SX] | None:
     (a, b, k), (c, d, m) = one, two
     if b.is_zero() and c.is_zero():
         return k / a, m / d
@@ -366,10 +505,66 @@ def _same(a: SX, b: SX) -> bool:
     return any(casadi.is_equal(x, y, 6) for x, y in ((a, b), (-a, b), (a, -b)))
 
 
-def _operations(values: Sequence[SX]) -> float:
-    column = casadi.cse(casadi.vertcat(*values, SX(0, 1)))
+def _hanging_together(loops: Sequence[Loop]) -> list[list[Loop]]:
+    """Loops in groups, those that share an unsolved variable in one."""
+    groups: list[list[Loop]] = []
+    for loop in loops:
+        near = [g for g in groups if any(loop.variables & other.variables for other in g)]
+        groups = [g for g in groups if g not in near]
+        groups.append([*(other for g in near for other in g), loop])
+    return groups
+
+
+def _mapped(function: casadi.Function, *columns: Array) -> Array:
+    """A function at every column of its arguments, (values, columns)."""
+    return np.array(function.map(columns[0].shape[1])(*columns))
+
+
+def _costs(have: Sequence[SX], ways: Sequence[Sequence[SX]]) -> list[float]:
+    """Operations of each way beyond those of what is at hand, like ones counted once."""
+    if not ways:
+        return []
+    column = casadi.vertcat(*have, *(x for way in ways for x in way))
+    values, kinds = _below(casadi.densify(column))
+    known = _union(values[: len(have)])
+    first, found = len(have), []
+    for way in ways:
+        more = _union(values[first : first + len(way)]) & ~known
+        found.append(sum(weight * (more & kind).bit_count() for weight, kind in kinds.items()))
+        first += len(way)
+    return found
+
+
+def _below(column: SX) -> tuple[list[int], dict[float, int]]:
+    """Operations that each entry takes, and those of each weight, as bits: like ones are one."""
     function = casadi.Function("count", casadi.symvar(column), [column])
-    weights = {casadi.OP_DIV: DIVISION, casadi.OP_SQRT: ROOT}
-    free = {casadi.OP_INPUT, casadi.OP_OUTPUT, casadi.OP_CONST}
-    codes = [function.instruction_id(k) for k in range(function.n_instructions())]
-    return float(sum(weights.get(code, 1) for code in codes if code not in free))
+    number: dict[tuple[object, ...], int] = {}
+    masks: list[int] = []
+    kinds: dict[float, int] = {}
+    work: dict[int, int] = {}
+    found = [0] * column.numel()
+    for k in range(function.n_instructions()):
+        code, into = function.instruction_id(k), function.instruction_output(k)
+        if code == casadi.OP_OUTPUT:
+            found[into[1]] = masks[work[function.instruction_input(k)[0]]]
+            continue
+        if code == casadi.OP_CONST:
+            key, below = (code, function.instruction_constant(k)), 0
+        elif code == casadi.OP_INPUT:
+            key, below = (code, *function.instruction_input(k)), 0
+        else:
+            operands = [work[slot] for slot in function.instruction_input(k)]
+            key, below = (code, *operands), _union([masks[n] for n in operands])
+        if key not in number:
+            n = number[key] = len(masks)
+            if code not in (casadi.OP_CONST, casadi.OP_INPUT):
+                weight = WEIGHTS.get(code, 1.0)
+                kinds[weight] = kinds.get(weight, 0) | 1 << n
+                below |= 1 << n
+            masks.append(below)
+        work[into[0]] = number[key]
+    return found, kinds
+
+
+def _union(masks: Iterable[int]) -> int:
+    return functools.reduce(operator.or_, masks, 0)

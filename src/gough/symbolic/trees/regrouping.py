@@ -14,7 +14,15 @@ from gough.algebra import Vector
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.nodes import Inertia, Node, Tree, evaluated
 from gough.symbolic.trees.ties import ties
-from gough.symbolic.trees.transfers import NUMBERS, Transfers, as_vector, each_node, from_vector
+from gough.symbolic.trees.transfers import (
+    NUMBERS,
+    Transfers,
+    as_vector,
+    each_node,
+    from_vector,
+    mass_at,
+    numbers,
+)
 
 Array = NDArray[np.float64]
 
@@ -51,13 +59,14 @@ class Regrouped:
     pairs: tuple[Pair, ...] = ()
 
 
-def regroupings(tree: Tree, frames: Frames, given: set[int]) -> list[Regrouped]:
+def regroupings(tree: Tree, frames: Frames, given: set[int], most: int) -> list[Regrouped]:
     """Sparse equivalent inertias, the sparsest first; none where inertia hangs on live parameters.
 
     Args:
         tree: the mechanism.
         frames: its placing by joint positions.
         given: variables whose motion is given.
+        most: how many are wanted.
     """
     transfers = Transfers(tree)
     try:
@@ -68,7 +77,10 @@ def regroupings(tree: Tree, frames: Frames, given: set[int]) -> list[Regrouped]:
     if transfers.basis.size and p.any():
         kinds = [_kind(node) for node in transfers.nodes]
         found = _sparsest(p, transfers.basis, _scale(p), _costs(transfers.nodes, given), kinds)
-    return [_with_pairs(tree, frames, _inertias(transfers.nodes, x), given) for x in found]
+    points = _Points(tree, frames)
+    return [
+        _with_pairs(points, _inertias(transfers.nodes, x), given) for x in found[:most]
+    ]
 
 
 def _inertias(nodes: list[Node], p: Array) -> dict[int, Inertia]:
@@ -146,21 +158,46 @@ def _cleaned(x: Array, start: Array, N: Array) -> Array:
 # bodies as two points
 
 
-def _with_pairs(
-    tree: Tree, frames: Frames, inertia: dict[int, Inertia], given: set[int]
-) -> Regrouped:
+class _Points:
+    """Points of a tree over the samples, each evaluated once."""
+
+    def __init__(self, tree: Tree, frames: Frames) -> None:
+        self.tree, self.frames = tree, frames
+        self.ties = [tie for tie in ties(tree) if tie.word == "point"]
+        self._tracks: dict[tuple[int, bytes], Array] = {}
+        self._axes: dict[int, Array] = {}
+
+    def track(self, node: Node, p: Vector) -> Array:
+        """A point in root axes, (samples, 3)."""
+        key = node.index, repr(p).encode()
+        if key not in self._tracks:
+            at = self.frames.root_position(node, p)
+            self._tracks[key] = evaluated(self.tree.closure, self.tree.samples, at)
+        return self._tracks[key]
+
+    def in_axes(self, node: Node, x: Array) -> Array:
+        """Vectors in root axes, in axes of a node's class."""
+        frame = node.frame
+        if frame.index not in self._axes:
+            flat = [entry for row in self.frames.from_root(frame) for entry in row]
+            values = evaluated(self.tree.closure, self.tree.samples, flat)
+            self._axes[frame.index] = values.reshape(-1, 3, 3)
+        return np.asarray(np.einsum("sij,si->sj", self._axes[frame.index], x))
+
+
+def _with_pairs(points: _Points, inertia: dict[int, Inertia], given: set[int]) -> Regrouped:
     """Bodies without a tensor, and with a moment along the way to where they close, as two points."""
     pairs: list[Pair] = []
-    for node in tree.nodes[1:]:
+    for node in points.tree.nodes[1:]:
         body = inertia[node.index]
         if body.turns or not body.leans or (node.variables and set(node.variables) <= given):
             continue
-        pair = next(_pairs_of(tree, frames, node, body), None)
+        pair = next(_pairs_of(points, node, body), None)
         if pair is None:
             continue
         pairs.append(pair)
         mass = as_vector(body)[0] - 2 * pair.k
-        point = from_vector(_point(mass, pair.p_a))
+        point = from_vector(mass * as_vector(mass_at(pair.p_a)))
         inertia[node.index] = Inertia()
         if pair.a.index in inertia:
             total = as_vector(inertia[pair.a.index]) + as_vector(point)
@@ -168,25 +205,18 @@ def _with_pairs(
     return Regrouped(inertia, tuple(pairs))
 
 
-def _point(mass: float, p: Vector) -> Array:
-    x, y, z = p
-    return mass * np.array([1, x, y, z, y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z])
-
-
-def _pairs_of(tree: Tree, frames: Frames, node: Node, body: Inertia) -> Iterator[Pair]:
+def _pairs_of(points: _Points, node: Node, body: Inertia) -> Iterator[Pair]:
     """Ways to see a body as its origin, on the outermost node that has it, and a closing point."""
     start, p = _outermost(node)
-    origin = _track(tree, frames, start, p)
-    moment = np.array(body.moment, dtype=float)
-    for tie in ties(tree):
+    small = SAME * points.tree.samples.length
+    origin, moment = points.track(start, p), np.array(body.moment, dtype=float)
+    for tie in points.ties:
         for end in (tie.a, tie.b):
-            if tie.word != "point" or node in end.node.ancestors():
+            if node in end.node.ancestors():
                 continue
-            far = _track(tree, frames, end.node, end.point) - origin
-            own = _in_axes(tree, frames, node, far)
+            own = points.in_axes(node, points.track(end.node, end.point) - origin)
             r = own[0]
-            steady = np.abs(own - r).max() < SAME * tree.samples.length
-            if np.linalg.norm(r) < SAME * tree.samples.length or not steady:
+            if np.linalg.norm(r) < small or np.abs(own - r).max() > small:
                 continue
             if np.linalg.norm(np.cross(r, moment)) < SAME * np.linalg.norm(r) * np.linalg.norm(moment):
                 yield Pair(start, p, end.node, end.point, float(moment @ r / (r @ r)))
@@ -196,23 +226,8 @@ def _outermost(node: Node) -> tuple[Node, Vector]:
     """The node nearest to the root to which the origin of a node is fixed, and the point there."""
     p: Vector = al.ZERO
     while node.kind != "slide" and node.parent is not None:
-        arm = node.arm
-        if not all(map(al.is_number, arm)):
+        if numbers(node.arm) is None or (any(p) and node.kind != "rest"):
             break
-        if any(p) and node.kind != "rest":
-            break
-        p = al.plus(arm, al.turn(node.joint_axes, al.turn(al.transpose(node.to_class), p)))
+        p = al.plus(node.arm, al.turn(node.joint_axes, al.turn(al.transpose(node.to_class), p)))
         node = node.parent
     return node, p
-
-
-def _track(tree: Tree, frames: Frames, node: Node, p: Vector) -> Array:
-    """A point in root axes at every sample, (samples, 3)."""
-    return evaluated(tree.closure, tree.samples, frames.root_position(node, p))
-
-
-def _in_axes(tree: Tree, frames: Frames, node: Node, x: Array) -> Array:
-    """Vectors in root axes, in axes of a node's class."""
-    R = frames.from_root(node.frame)
-    flat = evaluated(tree.closure, tree.samples, [entry for row in R for entry in row])
-    return np.asarray(np.einsum("sij,si->sj", flat.reshape(-1, 3, 3), x))

@@ -1,0 +1,469 @@
+"""The dynamics of one mechanism in independent rates: what was decided once, and its kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import casadi
+import numpy as np
+from numpy.typing import NDArray
+
+from gough import algebra as al
+from gough.algebra import Scalar, Vector
+from gough.assembly import Assembler
+from gough.description.values import scalar, vector
+from gough.errors import ConfigurationError
+from gough.geometry.coordinates import Coordinates
+from gough.geometry.samples import Sampled, sample
+from gough.kernels import Kernel
+from gough.models import Models
+from gough.symbolic.plans import best_independent, generic_rank, relations
+from gough.symbolic.trees.closed_form import ClosedForm
+from gough.symbolic.trees.factors import Factors, Grid, solve_definite
+from gough.symbolic.trees.forces import Loads
+from gough.symbolic.trees.frames import Frames
+from gough.symbolic.trees.nodes import Tree, evaluated
+from gough.symbolic.trees.positions import JointPositions
+from gough.symbolic.trees.reduced import Reduced
+from gough.symbolic.trees.regrouping import Regrouped, regroupings
+from gough.symbolic.trees.selection import Selection, Selector
+
+Array = NDArray[np.float64]
+SX = casadi.SX
+Space = Literal["platform", "joint"]
+"""Whether outputs or motors are the first choice of independent rates."""
+Place = Literal["x", "q"]
+"""Whether a model takes operational coordinates, or a configuration."""
+
+TRIED = 6
+"""Equivalent inertias of which the operations are counted; the sparsest ones."""
+UNIT = 1e-12
+"""How far the square of a quaternion's length may be from 1 for it to be used as it is."""
+HUGE = 1e300
+"""Efforts and accelerations beyond this are no numbers to go on with."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a model takes besides positions and rates."""
+
+    gravity: bool = False
+    """Whether gravity is given with every call, rather than that of the description."""
+    bodies: tuple[str, ...] = ()
+    """Bodies on which a wrench is given."""
+
+
+PLAIN = Inputs()
+
+
+class Model:
+    """Expressions and kernels of the dynamics of one mechanism.
+
+    Args:
+        models: the mechanism.
+        assembler: what closes its loops, with its live parameters.
+        home: a closed configuration, (positions,).
+        space: which rates are independent by preference.
+        seed: of the configurations from which the structure is read.
+        regrouped: whether inertia is moved between bodies, without effect, so that it takes fewer
+            operations.
+
+    Attributes:
+        independent: the variables y whose rates are independent.
+        kept: the variables that no constant relation binds, y among them.
+        C: all rates v = C w of the kept ones.
+    """
+
+    def __init__(
+        self,
+        models: Models,
+        assembler: Assembler,
+        home: Array,
+        space: Space,
+        seed: int = 0,
+        regrouped: bool = True,
+    ) -> None:
+        self.models, self.assembler, self.home, self.space = models, assembler, home, space
+        self.structure, self.closure = models.structure, models.closure
+        self.sampled = sample(assembler, home, seed)
+        self.independent, self.kept, self.C = self._rates()
+        self._regrouped = regrouped
+        self._kernels: dict[tuple[object, ...], Kernel] = {}
+
+    # what is decided once
+
+    def _rates(self) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
+        """Independent and kept variables, and how the others follow."""
+        E, count = self.sampled.E, len(self.structure.variables)
+        order = list(dict.fromkeys([*self._preferred(), *range(count)]))
+        y = best_independent(E, order)
+        motors = [k for k in self.structure.columns("actuated") if k not in y]
+        rest = [k for k in range(count) if k not in (*y, *motors)]
+        samples = self.sampled.samples
+        kept, C = relations(E, [*y, *motors, *rest], samples.rate_scale, samples.telling)
+        return tuple(y), kept, C
+
+    def _preferred(self) -> list[int]:
+        """The base where it floats, then outputs or motors."""
+        floating = self.structure.mechanism.floating
+        base = [k for k, v in enumerate(self.structure.variables) if floating and v.edge == 0]
+        first, last = self.structure.columns("operational"), self.structure.columns("actuated")
+        if self.space == "joint":
+            first, last = last, first
+        return [*base, *first, *last]
+
+    @cached_property
+    def tree(self) -> Tree:
+        """The tree as single motions."""
+        return Tree(self.closure, self.sampled.samples)
+
+    @cached_property
+    def given(self) -> list[int]:
+        """Places of the independent rates among the kept ones."""
+        return [self.kept.index(k) for k in self.independent]
+
+    @cached_property
+    def _frames_by_joints(self) -> Frames:
+        return Frames(self.tree, JointPositions(self.tree, self.C, self.kept))
+
+    @cached_property
+    def selection(self) -> Selection:
+        """Rows and blocks that give all rates."""
+        return Selector(self.tree, self._frames_by_joints, self.C, self.given).select()
+
+    @cached_property
+    def by_joints(self) -> Reduced:
+        """The mechanism placed by a configuration."""
+        return Reduced(self._frames_by_joints, self.C, self.selection)
+
+    @cached_property
+    def by_outputs(self) -> Reduced | None:
+        """The mechanism placed by its operational coordinates, or None without closed forms."""
+        outputs = self.structure.columns("operational")
+        if self._turned or not outputs:
+            return None
+        form = ClosedForm(self.tree, self.C, self.kept, outputs)
+        if form.left:
+            return None
+        positions = JointPositions(self.tree, self.C, self.kept, form.known)
+        ways = [
+            Reduced(Frames(self.tree, positions, whole), self.C, self.selection)
+            for whole in (False, True)
+        ]
+        return min(ways, key=self._forces_count)
+
+    @property
+    def _turned(self) -> bool:
+        """Whether outputs are entries of a rotation vector, which takes a solver."""
+        return bool(self.outputs.turned)
+
+    @cached_property
+    def outputs(self) -> Coordinates:
+        """Where the operational coordinates stand in q."""
+        return Coordinates(self.models, "operational")
+
+    @cached_property
+    def quaternion(self) -> slice | None:
+        """Where the quaternion of an operational pose stands in q."""
+        for edge, part in zip(self.structure.edges, self.closure.slices, strict=True):
+            inside = set(range(part.start, part.stop)) <= set(self.outputs.whole)
+            if edge.link and edge.type.coordinates > edge.type.freedoms and inside:
+                return slice(part.stop - 4, part.stop)
+        return None
+
+    @cached_property
+    def equivalent(self) -> Regrouped | None:
+        """The equivalent inertia that takes the fewest operations; None keeps it as described."""
+        if not self._regrouped:
+            return None
+        given = set(self.independent)
+        found = regroupings(self.tree, self._frames_by_joints, given, TRIED)
+        if not found:
+            return None
+        return min(found, key=self._cost)
+
+    def _cost(self, regrouped: Regrouped) -> float:
+        loads = self._loads_of(regrouped)
+        zero: list[Scalar] = [SX.sym(f"yd{k}") for k in range(len(self.given))]
+        forces = self.by_joints.forces(zero, self.gravity, loads)
+        mass = [x for row in self.by_joints.mass_matrix(loads) for x in row]
+        return _instructions(forces) + 0.5 * _instructions(mass)
+
+    def _forces_count(self, reduced: Reduced) -> float:
+        yd: list[Scalar] = [SX.sym(f"yd{k}") for k in range(len(self.given))]
+        return _instructions(reduced.forces(yd, self.gravity, self.loads))
+
+    def _loads_of(self, regrouped: Regrouped | None) -> Loads:
+        if regrouped is None:
+            return Loads(rotors=self.rotors)
+        return Loads(regrouped.inertia, rotors=self.rotors, pairs=regrouped.pairs)
+
+    @cached_property
+    def loads(self) -> Loads:
+        """Inertia of bodies and motors."""
+        return self._loads_of(self.equivalent)
+
+    @cached_property
+    def rotors(self) -> dict[int, Scalar]:
+        """ratio² · inertia of every motor, by variable."""
+        found: dict[int, Scalar] = {}
+        index = {v.name: k for k, v in enumerate(self.structure.variables)}
+        for name, joint in self.structure.flat.joints.items():
+            motor = joint.motor
+            if motor is not None and name in index:
+                ratio = scalar(motor.ratio, self.closure.values)
+                inertia = scalar(motor.inertia, self.closure.values)
+                found[index[name]] = al.mul(al.mul(ratio, ratio), inertia)
+        return found
+
+    @cached_property
+    def gravity(self) -> Vector:
+        """Of the description, in base axes, m/s²."""
+        g = (*vector(self.structure.mechanism.gravity, self.closure.values, 2, 3), 0.0)
+        return g[0], g[1], g[2]
+
+    @cached_property
+    def actuated(self) -> list[int]:
+        """Variables of the motors."""
+        return self.structure.columns("actuated")
+
+    @cached_property
+    def motors_rank(self) -> int:
+        """How many independent forces the motors give, generically."""
+        rows = self.by_joints.rows_of(self.actuated)
+        numbers = evaluated(self.closure, self.sampled.samples, [x for row in rows for x in row])
+        numbers = numbers.reshape(len(numbers), len(self.actuated), -1)
+        return generic_rank(numbers, range(numbers.shape[2])) if numbers.size else 0
+
+    # kernels
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """What a model can be placed by."""
+        return ("q",) if self.by_outputs is None else ("x", "q")
+
+    def kernel(self, name: str, place: Place, inputs: Inputs = PLAIN) -> Kernel:
+        """A kernel by its name in `MODELS`; see there what it gives.
+
+        Inputs are the place ``x`` or ``q``, live parameters ``p``, rates ``y``, and by the model
+        accelerations ``yd`` or efforts ``tau``, then ``gravity`` and ``wrenches`` where given.
+        """
+        key = name, place, inputs
+        if key not in self._kernels:
+            self._kernels[key] = MODELS[name](Writing(self, place, inputs))
+        return self._kernels[key]
+
+    def reduced(self, place: Place) -> Reduced:
+        """The mechanism placed one way or the other."""
+        found = self.by_outputs if place == "x" else self.by_joints
+        if found is None:
+            raise ConfigurationError(
+                f"{self.structure.mechanism.name} has no closed form of all its legs; give a "
+                "configuration q"
+            )
+        return found
+
+
+class Writing:
+    """One model while it is written: symbols and what stands behind them."""
+
+    def __init__(self, model: Model, place: Place, inputs: Inputs) -> None:
+        self.model, self.place, self.inputs = model, place, inputs
+        self.reduced = model.reduced(place)
+        count = len(model.given)
+        self.yd = [SX.sym(f"yd{k}") for k in range(count)]
+        self.tau = [SX.sym(f"tau{k}") for k in range(len(model.actuated))]
+        self._gravity = SX.sym("gravity", 3)
+        self._wrenches = SX.sym("wrenches", 6 * len(inputs.bodies))
+
+    @property
+    def gravity(self) -> Vector:
+        """Given with the call, or described."""
+        if not self.inputs.gravity:
+            return self.model.gravity
+        return self._gravity[0], self._gravity[1], self._gravity[2]
+
+    @property
+    def loads(self) -> Loads:
+        """Inertia and given wrenches."""
+        own, w = self.model.loads, self._wrenches
+        wrenches = {}
+        for n, body in enumerate(self.inputs.bodies):
+            x = [w[6 * n + k] for k in range(6)]
+            wrenches[body] = (x[0], x[1], x[2]), (x[3], x[4], x[5])
+        return Loads(own.inertia, wrenches, own.rotors, own.pairs)
+
+    def finish(
+        self, name: str, outputs: Sequence[Scalar], *takes: str, shape: tuple[int, ...] | None = None
+    ) -> Kernel:
+        """The kernel; ``takes`` names rates, accelerations or efforts that it depends on."""
+        model, symbols = self.model, {}
+        if self.place == "x":
+            places = model.outputs.whole
+            symbols["x"] = SX(casadi.vertcat(*[model.closure.q[k] for k in places]))
+        else:
+            symbols["q"] = model.closure.q
+        if model.closure.p.numel():
+            symbols["p"] = model.closure.p
+        columns = {"y": self.reduced.y, "yd": self.yd, "tau": self.tau}
+        for take in takes:
+            if take in columns:
+                symbols[take] = SX(casadi.vertcat(*columns[take], SX(0, 1)))
+        if self.inputs.gravity and "gravity" in takes:
+            symbols["gravity"] = self._gravity
+        if self.inputs.bodies and "wrenches" in takes:
+            symbols["wrenches"] = self._wrenches
+        column = casadi.vertcat(*[SX(x) for x in outputs], SX(0, 1))
+        return Kernel(name, symbols, column, (column.numel(),) if shape is None else shape)
+
+    # parts
+
+    def forces(self, yd: Sequence[Scalar]) -> list[Scalar]:
+        """What y has to be given for a motion."""
+        return self.reduced.forces(yd, self.gravity, self.loads)
+
+    def motor_rows(self) -> Grid:
+        """J with q̇_a = J y, (motors, y)."""
+        return self.reduced.rows_of(self.model.actuated)
+
+    def motor_forces(self) -> list[Scalar]:
+        """Jᵀ τ."""
+        rows = self.motor_rows()
+        columns = [[row[k] for row in rows] for k in range(len(self.yd))]
+        return [al.dot(column, self.tau) for column in columns]
+
+    def regularity(self, determinant: Scalar, numbers: Sequence[Scalar], name: str) -> Scalar:
+        """The smaller of two measures, or -1 where a number is none."""
+        found = self.reduced.regularity
+        if not al.is_number(determinant):
+            typical = self._typical(determinant)
+            size = casadi.fabs(determinant) * (1.0 / typical)
+            found = size if al.is_number(found) else casadi.fmin(found, size)
+        total = al.total(list(numbers))
+        if al.is_number(total):
+            return found
+        sound = casadi.fabs(total) < HUGE
+        if self.place == "x" and self.model.quaternion is not None:
+            square = casadi.sumsqr(self.model.closure.q[self.model.quaternion])
+            sound = casadi.logic_and(sound, casadi.fabs(square - 1.0) < UNIT)
+        return casadi.if_else(sound, found, -1.0)
+
+    def _typical(self, determinant: SX) -> float:
+        """Median size of a determinant over the samples."""
+        model = self.model
+        values = np.abs(evaluated(model.closure, model.sampled.samples, [determinant]))
+        return float(np.median(values)) or 1.0
+
+
+# the models
+
+
+def _inverse(w: Writing) -> Kernel:
+    """Efforts of the motors for y, ẏ, then how regular the mechanism is there."""
+    W, rows, model = w.forces(w.yd), w.motor_rows(), w.model
+    transposed = [list(column) for column in zip(*rows, strict=True)]
+    motors, count = len(rows), len(W)
+    if model.motors_rank < min(motors, count) or not motors:
+        raise ConfigurationError(f"{model.structure.mechanism.name} has no such model")
+    if motors == count:
+        factors = Factors(transposed)
+        tau, determinant = factors.solve(W), factors.determinant
+    elif motors > count:
+        square = [[al.dot(a, b) for b in transposed] for a in transposed]
+        multipliers, determinant = solve_definite(square, W)
+        tau = [al.dot(row, multipliers) for row in rows]
+    else:
+        square = [[al.dot(a, b) for b in rows] for a in rows]
+        tau, determinant = solve_definite(square, [al.dot(row, W) for row in rows])
+    outputs = [*tau, w.regularity(determinant, tau, "inverse")]
+    return w.finish("inverse", outputs, "y", "yd", "gravity", "wrenches")
+
+
+def _forces(w: Writing) -> Kernel:
+    """Generalised forces along y that a motion takes, (y,)."""
+    return w.finish("forces", w.forces(w.yd), "y", "yd", "gravity", "wrenches")
+
+
+def _direct(w: Writing) -> Kernel:
+    """ẏ for y and efforts, then how regular the mechanism is there."""
+    given = w.motor_forces()
+    bias = w.forces([0.0] * len(w.yd))
+    right = [al.sub(a, b) for a, b in zip(given, bias, strict=True)]
+    yd, determinant = solve_definite(w.reduced.mass_matrix(w.loads), right)
+    outputs = [*yd, w.regularity(determinant, yd, "direct")]
+    return w.finish("direct", outputs, "y", "tau", "gravity", "wrenches")
+
+
+def _mass_matrix(w: Writing) -> Kernel:
+    """A of y, symmetric positive definite, (y, y)."""
+    A = w.reduced.mass_matrix(w.loads)
+    return w.finish("mass_matrix", [x for row in A for x in row], shape=(len(A), len(A)))
+
+
+def _bias(w: Writing) -> Kernel:
+    """Forces along y at ẏ = 0: Coriolis, centrifugal, gravity and given wrenches, (y,)."""
+    return w.finish("bias", w.forces([0.0] * len(w.yd)), "y", "gravity", "wrenches")
+
+
+def _gravity_load(w: Writing) -> Kernel:
+    """Forces along y that hold the mechanism at rest, (y,)."""
+    at_rest = casadi.vertcat(*w.reduced.y)
+    forces = casadi.vertcat(*[SX(x) for x in w.forces([0.0] * len(w.yd))])
+    still = casadi.substitute(forces, at_rest, SX.zeros(at_rest.numel()))
+    still = [still[k] for k in range(still.numel())]
+    return w.finish("gravity_load", still, "gravity", "wrenches")
+
+
+def _rates(w: Writing) -> Kernel:
+    """All rates v of the tree for y, (variables,)."""
+    return w.finish("rates", w.reduced.all_rates(w.reduced.rates), "y")
+
+
+def _accelerations(w: Writing) -> Kernel:
+    """All accelerations v̇ of the tree for y, ẏ, (variables,)."""
+    found = w.reduced.all_rates(w.reduced.accelerations(w.yd))
+    return w.finish("accelerations", found, "y", "yd")
+
+
+def _motor_jacobian(w: Writing) -> Kernel:
+    """J with q̇_a = J y, (motors, y)."""
+    rows = w.motor_rows()
+    shape = len(rows), len(w.yd)
+    return w.finish("motor_jacobian", [x for row in rows for x in row], shape=shape)
+
+
+def _energy(w: Writing) -> Kernel:
+    """Kinetic energy ½ yᵀ A y and potential energy -Σ m g·x, J, (2,)."""
+    A, y, frames = w.reduced.mass_matrix(w.loads), w.reduced.y, w.reduced.frames
+    kinetic = al.mul(0.5, al.dot(y, [al.dot(row, y) for row in A]))
+    potential: Scalar = 0.0
+    for node in w.model.tree.nodes[1:]:
+        own, root = node.inertia, w.model.tree.root
+        at = al.scale(own.mass, frames.root_position(node, al.ZERO))
+        moment = al.plus(at, frames.turn(own.moment, node.frame, root))
+        potential = al.sub(potential, al.dot(w.gravity, moment))
+    return w.finish("energy", [kinetic, potential], "y", "gravity")
+
+
+MODELS: dict[str, Callable[[Writing], Kernel]] = {
+    "inverse": _inverse,
+    "direct": _direct,
+    "forces": _forces,
+    "mass_matrix": _mass_matrix,
+    "bias": _bias,
+    "gravity_load": _gravity_load,
+    "energy": _energy,
+    "rates": _rates,
+    "accelerations": _accelerations,
+    "motor_jacobian": _motor_jacobian,
+}
+"""Every model by name; the first line of each says what it gives."""
+
+
+def _instructions(values: Sequence[Scalar]) -> float:
+    """About how many operations some scalars take."""
+    column = casadi.cse(casadi.vertcat(*[SX(x) for x in values], SX(0, 1)))
+    return float(casadi.Function("count", casadi.symvar(column), [column]).n_instructions())
