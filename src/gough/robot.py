@@ -369,6 +369,49 @@ class Robot:
                 return quick
         return self.dynamics.require(self.dynamics.direct(x, xd, tau, wrench, gravity)).accelerations
 
+    def state(self, independent: ArrayLike) -> Array:
+        """The closed configuration q with given positions of the independent variables.
+
+        Args:
+            independent: positions of the joints of ``dynamics.independent()``, (independent,),
+                rad and m; the other joints are those of the assembly nearest to home.
+
+        Raises:
+            ClosureError: the loops do not close with them.
+            ConfigurationError: the shape is wrong, or an independent variable has no position of
+                its own (a ball joint, a floating base).
+        """
+        return self.dynamics.state(independent)
+
+    def mass_matrix(self, x: ArrayLike) -> Array:
+        """A with A ẍ + bias = forces along ẋ, (*batch, outputs, outputs); kg, kg m, kg m².
+
+        For joint space, and for mechanisms without outputs, see ``dynamics.mass_matrix``.
+        """
+        return self.dynamics.mass_matrix(x)
+
+    def bias(
+        self,
+        x: ArrayLike,
+        xd: ArrayLike,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+    ) -> Array:
+        """Coriolis, centrifugal and gravity forces along ẋ, (*batch, outputs), N and N m."""
+        return self.dynamics.bias(x, xd, wrench, gravity)
+
+    def gravity_load(
+        self, x: ArrayLike, wrench: Wrench = None, gravity: ArrayLike | None = None
+    ) -> Array:
+        """Forces along ẋ that hold the robot at rest, (*batch, outputs), N and N m."""
+        return self.dynamics.gravity_load(x, wrench, gravity)
+
+    def energy(
+        self, x: ArrayLike, xd: ArrayLike, gravity: ArrayLike | None = None
+    ) -> tuple[Array, Array]:
+        """Kinetic and potential energy, J, (*batch) each; potential from the origin of the base."""
+        return self.dynamics.energy(x, xd, gravity)
+
     def inverse_dynamics_joint(
         self,
         q: ArrayLike,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough.assembly import Assembler
-from gough.dynamics.model import Inputs, Model, Place, Space
+from gough.dynamics.model import PLAIN, Inputs, Model, Place, Space
 from gough.dynamics.results import ENDINGS, DirectDynamics, Ending, InverseDynamics
 from gough.errors import ConfigurationError, SingularError, UnknownName
 from gough.geometry.inverse import InverseGeometry
@@ -290,6 +290,129 @@ class Dynamics:
         q = np.where(finite[..., None], q, self.home)
         self.kinematics.require_closed(q)
         return _State("q", q, v, a, np.where(finite, 0, _NOT_FINITE), {})
+
+    # what the models are made of
+
+    def mass_matrix(self, at: ArrayLike, space: Space = "platform") -> Array:
+        """A with A ẏ + bias = forces along y, (*batch, independent, independent).
+
+        Symmetric and positive definite; kg, kg m and kg m². With six outputs y is the twist.
+
+        Args:
+            at: operational coordinates in platform space, a configuration in joint space.
+            space: whose rates y are, see `independent`.
+
+        Raises:
+            SingularError: a row is out of reach or singular.
+            ConfigurationError: an argument has the wrong shape or is not finite.
+        """
+        state = self._state(space, at, None)
+        return self._evaluated("mass_matrix", space, state, (), PLAIN)
+
+    def bias(
+        self,
+        at: ArrayLike,
+        rates: ArrayLike,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+        space: Space = "platform",
+    ) -> Array:
+        """Forces along y that a motion with ẏ = 0 takes, (*batch, independent), N and N m.
+
+        Coriolis and centrifugal forces, gravity and given wrenches.
+
+        Args:
+            at: operational coordinates in platform space, a configuration in joint space.
+            rates: ẋ in platform space, rates of `independent` in joint space.
+            wrench: as for `inverse`.
+            gravity: as for `inverse`.
+            space: whose rates y are.
+        """
+        inputs, loads = self._loads(wrench, gravity)
+        state = self._state(space, at, rates)
+        return self._evaluated("bias", space, state, (state.y, *loads), inputs)
+
+    def gravity_load(
+        self,
+        at: ArrayLike,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+        space: Space = "platform",
+    ) -> Array:
+        """Forces along y that hold the mechanism at rest, (*batch, independent); see `bias`."""
+        inputs, loads = self._loads(wrench, gravity)
+        state = self._state(space, at, None)
+        return self._evaluated("gravity_load", space, state, loads, inputs)
+
+    def energy(
+        self,
+        at: ArrayLike,
+        rates: ArrayLike,
+        gravity: ArrayLike | None = None,
+        space: Space = "platform",
+    ) -> tuple[Array, Array]:
+        """Kinetic energy, and potential energy -Σ m g·x from the origin of the base, J: (*batch)."""
+        inputs, loads = self._loads(None, gravity)
+        state = self._state(space, at, rates)
+        found = self._evaluated("energy", space, state, (state.y, *loads), inputs)
+        return found[..., 0], found[..., 1]
+
+    def motor_jacobian(self, at: ArrayLike, space: Space = "platform") -> Array:
+        """J with q̇_a = J y: efforts τ give the forces Jᵀ τ, (*batch, motors, independent)."""
+        state = self._state(space, at, None)
+        return self._evaluated("motor_jacobian", space, state, (), PLAIN)
+
+    def motion(
+        self, at: ArrayLike, rates: ArrayLike, accelerations: ArrayLike, space: Space = "platform"
+    ) -> tuple[Array, Array, Array]:
+        """A motion in full: q, all rates v and all accelerations v̇ of the tree, (*batch, ·)."""
+        if space == "platform":
+            assert self.inverse_geometry is not None
+            first = self._platform_state(at, rates, accelerations, None)
+            model = self.model(space)
+            plain = list(model.independent) == self.structure.columns("operational")
+            state = first if first.place == "q" else self._by_configuration(model, first, None, plain)
+        else:
+            state = self._joint_state(at, rates, accelerations)
+        self._require_sound(state)
+        take = (state.at, *self._parameters, state.y)
+        v = self.model(space).kernel("rates", "q")(*take)
+        vd = self.model(space).kernel("accelerations", "q")(*take, state.yd)  # type: ignore[arg-type]
+        return state.at, v, vd
+
+    def _state(self, space: Space, at: ArrayLike, rates: ArrayLike | None) -> _State:
+        if space not in ("platform", "joint"):
+            raise UnknownName("space", str(space), ("platform", "joint"))
+        if space == "platform":
+            still = np.zeros(len(self.structure.columns("operational")))
+            return self._platform_state(at, still if rates is None else rates, None, None)
+        still = np.zeros(len(self.independent("joint")))
+        return self._joint_state(at, still if rates is None else rates, None)
+
+    def _evaluated(
+        self, name: str, space: Space, state: _State, more: Sequence[Array], inputs: Inputs
+    ) -> Array:
+        """A model that has no ending of its own, where every row is sound."""
+        self._require_sound(state)
+        kernel = self.model(space).kernel(name, state.place, inputs)
+        found = kernel(state.at, *self._parameters, *more)
+        width = len(kernel.shape)
+        lost = ~np.isfinite(found).all(axis=tuple(range(-width, 0)))
+        if np.any(lost):
+            rows = np.flatnonzero(lost.ravel()).tolist()
+            reasons = [Ending.singular.value] * len(rows)
+            if state.place == "x":
+                flat = np.broadcast_to(state.at, (*lost.shape, state.at.shape[-1]))
+                reasons = [self._why_not_reached(x) for x in flat.reshape(-1, flat.shape[-1])[rows]]
+            raise SingularError(lost.size, rows, reasons)
+        return found
+
+    def _require_sound(self, state: _State) -> None:
+        rows = np.flatnonzero(state.codes.ravel()).tolist()
+        if rows:
+            flat = state.codes.ravel()
+            reasons = [state.reasons.get(k, ENDINGS[flat[k]].value) for k in rows]
+            raise SingularError(state.codes.size, rows, reasons)
 
     # both
 

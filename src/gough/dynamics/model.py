@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from gough import algebra as al
 from gough.algebra import Scalar, Vector
 from gough.assembly import Assembler
+from gough.cache import from_environment
 from gough.description.values import scalar, vector
+from gough.dynamics import plans
 from gough.errors import ConfigurationError
 from gough.geometry.coordinates import Coordinates
 from gough.geometry.samples import Sampled, sample
@@ -70,6 +72,7 @@ class Model:
         seed: of the configurations from which the structure is read.
         regrouped: whether inertia is moved between bodies, without effect, so that it takes fewer
             operations.
+        searched: whether other trees of the mechanism may serve where outputs place it.
 
     Attributes:
         independent: the variables y whose rates are independent.
@@ -85,12 +88,13 @@ class Model:
         space: Space,
         seed: int = 0,
         regrouped: bool = True,
+        searched: bool = True,
     ) -> None:
         self.models, self.assembler, self.home, self.space = models, assembler, home, space
         self.structure, self.closure = models.structure, models.closure
         self.sampled = sample(assembler, home, seed)
         self.independent, self.kept, self.C = self._rates()
-        self._regrouped = regrouped
+        self._regrouped, self._searched, self._seed = regrouped, searched, seed
         self._kernels: dict[tuple[object, ...], Kernel] = {}
 
     # what is decided once
@@ -149,11 +153,74 @@ class Model:
         if form.left:
             return None
         positions = JointPositions(self.tree, self.C, self.kept, form.known)
+        if not self._placed_by(positions):
+            return None
         ways = [
             Reduced(Frames(self.tree, positions, whole), self.C, self.selection)
             for whole in (False, True)
         ]
-        return min(ways, key=self._forces_count)
+        return min(ways, key=lambda way: self._operations_of(way, self._loads_of(None)))
+
+    @cached_property
+    def posed(self) -> Model | None:
+        """The model that takes outputs: this one, or one of another tree that is cheaper."""
+        if not self._searched or self.space != "platform":
+            return self if self.by_outputs is not None else None
+        cache, key = from_environment(), plans.key_of(self.models, str(self._seed))
+        known = plans.kept(cache, key)
+        if known is None:
+            return self if self.by_outputs is not None else None
+        if isinstance(known, plans.Plan) and (other := self._as_planned(known)) is not None:
+            return other
+        found, chosen = self._cheapest()
+        plans.keep(cache, key, chosen)
+        return found
+
+    def _cheapest(self) -> tuple[Model | None, plans.Plan | None]:
+        """The tree whose model takes the fewest operations, before inertia is moved."""
+        best, chosen, least = None, None, np.inf
+        for plan in [None, *plans.plans(self.structure)][: plans.MOST]:
+            model = self if plan is None else self._as_planned(plan)
+            if model is None or model.by_outputs is None:
+                continue
+            count = model._operations_of(model.by_outputs, model._loads_of(None))
+            if count < least:
+                best, chosen, least = model, plan, count
+        return best, chosen
+
+    def _as_planned(self, plan: plans.Plan) -> Model | None:
+        """The same model on another tree, if that has the same independent rates."""
+        found = plans.planned(plan, self.models, self.assembler, self.home)
+        if found is None:
+            return None
+        try:
+            other = Model(
+                found.models,
+                found.assembler,
+                found.home,
+                self.space,
+                self._seed,
+                self._regrouped,
+                searched=False,
+            )
+            names = [m.structure.variables[k].name for m in (self, other) for k in m.independent]
+            same = names[: len(names) // 2] == names[len(names) // 2 :]
+            return other if same and other.by_outputs is not None else None
+        except ConfigurationError:
+            return None
+
+    def _placed_by(self, positions: JointPositions) -> bool:
+        """Whether outputs alone place every node."""
+        frames = Frames(self.tree, positions)
+        parts: list[Scalar] = []
+        for node in self.tree.nodes[1:]:
+            parts += [x for row in frames.from_root(node.frame) for x in row]
+            parts += frames.arm(node)
+        symbols = casadi.symvar(casadi.vertcat(*[SX(x) for x in parts]))
+        own = [self.closure.q[k] for k in self.outputs.whole]
+        own += [self.closure.p[k] for k in range(self.closure.p.numel())]
+        known = {x.element_hash() for x in own}
+        return all(x.element_hash() in known for x in symbols)
 
     @property
     def _turned(self) -> bool:
@@ -186,15 +253,13 @@ class Model:
         return min(found, key=self._cost)
 
     def _cost(self, regrouped: Regrouped) -> float:
-        loads = self._loads_of(regrouped)
-        zero: list[Scalar] = [SX.sym(f"yd{k}") for k in range(len(self.given))]
-        forces = self.by_joints.forces(zero, self.gravity, loads)
-        mass = [x for row in self.by_joints.mass_matrix(loads) for x in row]
-        return _instructions(forces) + 0.5 * _instructions(mass)
+        return self._operations_of(self.by_joints, self._loads_of(regrouped))
 
-    def _forces_count(self, reduced: Reduced) -> float:
+    def _operations_of(self, reduced: Reduced, loads: Loads) -> float:
+        """About how many operations inverse and half a direct model take."""
         yd: list[Scalar] = [SX.sym(f"yd{k}") for k in range(len(self.given))]
-        return _instructions(reduced.forces(yd, self.gravity, self.loads))
+        mass = [x for row in reduced.mass_matrix(loads) for x in row]
+        return _instructions(reduced.forces(yd, self.gravity, loads)) + 0.5 * _instructions(mass)
 
     def _loads_of(self, regrouped: Regrouped | None) -> Loads:
         if regrouped is None:
@@ -243,7 +308,7 @@ class Model:
     @property
     def places(self) -> tuple[Place, ...]:
         """What a model can be placed by."""
-        return ("q",) if self.by_outputs is None else ("x", "q")
+        return ("q",) if self.posed is None else ("x", "q")
 
     def kernel(self, name: str, place: Place, inputs: Inputs = PLAIN) -> Kernel:
         """A kernel by its name in `MODELS`; see there what it gives.
@@ -253,12 +318,11 @@ class Model:
         """
         key = name, place, inputs
         if key not in self._kernels:
-            self._kernels[key] = MODELS[name](Writing(self, place, inputs))
+            self._kernels[key] = MODELS[name](Writing(self._for(place), place, inputs))
         return self._kernels[key]
 
-    def reduced(self, place: Place) -> Reduced:
-        """The mechanism placed one way or the other."""
-        found = self.by_outputs if place == "x" else self.by_joints
+    def _for(self, place: Place) -> Model:
+        found = self.posed if place == "x" else self
         if found is None:
             raise ConfigurationError(
                 f"{self.structure.mechanism.name} has no closed form of all its legs; give a "
@@ -272,7 +336,9 @@ class Writing:
 
     def __init__(self, model: Model, place: Place, inputs: Inputs) -> None:
         self.model, self.place, self.inputs = model, place, inputs
-        self.reduced = model.reduced(place)
+        reduced = model.by_outputs if place == "x" else model.by_joints
+        assert reduced is not None
+        self.reduced = reduced
         count = len(model.given)
         self.yd = [SX.sym(f"yd{k}") for k in range(count)]
         self.tau = [SX.sym(f"tau{k}") for k in range(len(model.actuated))]

@@ -45,14 +45,21 @@ class JointPositions:
 
     def length(self, node: Node) -> Scalar:
         """Distance of a slide, with its factor."""
-        variable = node.variables[0]
-        if variable in self.known:
-            return al.mul(node.factor, self.known[variable])
-        return al.mul(node.factor, self.tree.closure.q[node.place.start])
+        return al.mul(node.factor, self.own_length(node.variables[0]))
 
     def ball(self, node: Node) -> Matrix:
         """Rotation of a ball."""
         return rotation(node, self.tree.closure.q)
+
+    def own_length(self, variable: int) -> Scalar:
+        """Position of a variable in m, or an angle as a number."""
+        if variable in self.known:
+            return self.known[variable]
+        if (terms := self.sum_of(variable)) is not None and self._nodes[variable].kind == "slide":
+            constant, parts = terms
+            lengths = [al.mul(factor, self.own_length(other)) for other, factor in parts]
+            return al.total([_exact(constant), *lengths])
+        return self.tree.closure.q[self._nodes[variable].place.start]
 
     def own_circle(self, variable: int) -> tuple[Scalar, Scalar]:
         """Cosine and sine of a variable."""
@@ -74,7 +81,10 @@ class JointPositions:
         return al.cos(angle), al.sin(angle)
 
     def sum_of(self, variable: int) -> tuple[float, list[tuple[int, float]]] | None:
-        """An angle as a constant and a signed sum of other angles, if it always is one."""
+        """A position as a constant and a sum of others, if it always is one.
+
+        An angle is one of angles with factors 1 and -1, a length one of lengths.
+        """
         return self._sums.get(variable)
 
     @cached_property
@@ -82,25 +92,29 @@ class JointPositions:
         found = {}
         for variable, node in self._nodes.items():
             form = self.C[variable]
-            if variable in self.kept or node.kind != "turn":
+            if variable in self.kept or node.kind not in ("turn", "slide"):
                 continue
             parts = [(self.kept[k], float(form[k])) for k in np.flatnonzero(form)]
-            if all(abs(sign) == 1 and self._is_angle(other) for other, sign in parts):
+            whole = node.kind == "slide" or all(abs(factor) == 1 for _, factor in parts)
+            if whole and all(self._alike(variable, other) for other, _ in parts):
                 constant = self._constant(variable, parts)
                 if constant is not None:
                     found[variable] = constant, parts
         return found
 
-    def _is_angle(self, variable: int) -> bool:
-        return variable in self._nodes and self._nodes[variable].kind == "turn"
+    def _alike(self, variable: int, other: int) -> bool:
+        """Whether another position is of the same kind."""
+        return other in self._nodes and self._nodes[other].kind == self._nodes[variable].kind
 
     def _constant(self, variable: int, parts: list[tuple[int, float]]) -> float | None:
-        """What the angle differs by from the sum, the same at every sample but for whole turns."""
+        """What a position differs by from the sum, the same at every sample but for whole turns."""
         q = self.tree.samples.q
         rest = q[:, self._nodes[variable].place.start].copy()
         for other, sign in parts:
             rest -= sign * q[:, self._nodes[other].place.start]
-        off = np.remainder(rest - rest[0] + np.pi, 2 * np.pi) - np.pi
+        off = rest - rest[0]
+        if self._nodes[variable].kind == "turn":
+            off = np.remainder(off + np.pi, 2 * np.pi) - np.pi
         return None if np.abs(off).max() > CONSTANT else float(rest[0])
 
 
