@@ -367,7 +367,9 @@ class Robot:
             quick = self.dynamics.quick_direct(x, xd, tau)
             if quick is not None:
                 return quick
-        return self.dynamics.require(self.dynamics.direct(x, xd, tau, wrench, gravity)).accelerations
+        return self.dynamics.require(
+            self.dynamics.direct(x, xd, tau, wrench, gravity)
+        ).accelerations
 
     def state(self, independent: ArrayLike) -> Array:
         """The closed configuration q with given positions of the independent variables.

@@ -292,6 +292,19 @@ class Maximal:
 
     # what the description says
 
+    @property
+    def rotors(self) -> dict[str, float]:
+        """ratio² · inertia of every motor that has a rotor, by joint."""
+        found = {}
+        for name, joint in self.robot.structure.flat.joints.items():
+            if joint.motor is not None:
+                ratio, inertia = (
+                    float(scalar(x, self.robot.assembler.values))
+                    for x in (joint.motor.ratio, joint.motor.inertia)
+                )
+                found[name] = ratio**2 * inertia
+        return found
+
     def _inertia(self, body: str) -> Inertia:
         part = self.robot.structure.flat.bodies.get(body)
         if part is None:
@@ -450,6 +463,10 @@ class Maximal:
         for joint, effort in efforts.items():
             gradient, _ = self._joint_variables(state, joint)
             f += gradient.T @ np.atleast_1d(np.asarray(effort, dtype=float))
+        for joint, inertia in self.rotors.items():
+            gradient, bias = self._joint_variables(state, joint)
+            W += inertia * gradient.T @ gradient
+            f -= inertia * gradient.T @ bias
         return W, f
 
     def accelerations(

@@ -1,1 +1,1 @@
-"""Dynamics of mechanisms with loops: inverse and direct models, what they are made of, their data."""
+"""Dynamics of mechanisms with loops: inverse and direct models and what they are made of."""

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from gough.assembly import Assembler
 from gough.dynamics.model import PLAIN, Inputs, Model, Place, Space
 from gough.dynamics.results import ENDINGS, DirectDynamics, Ending, InverseDynamics
-from gough.errors import ConfigurationError, SingularError, UnknownName
+from gough.errors import ConfigurationError, OutOfReach, SingularError, UnknownName
 from gough.geometry.inverse import InverseGeometry
 from gough.geometry.rates import Kinematics
 from gough.kernels import Kernel
 from gough.models import Models
+from gough.numerics.newton import Ending as NewtonEnding
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -24,6 +25,8 @@ Solution = TypeVar("Solution", InverseDynamics, DirectDynamics)
 Wrench = ArrayLike | Mapping[str, ArrayLike] | None
 """(force, moment about its origin) on the platform, (*batch, 6), or the same by body; base axes."""
 
+STEPS = 16
+"""Parts of the way from home to a state."""
 LIMIT = 1e-6
 """Regularity below which an answer is refused; see `results`. A guess: six digits are lost."""
 
@@ -215,7 +218,7 @@ class Dynamics:
         missed = (state.codes == 0) & ~found.reached
         codes = np.where(missed, _OUT_OF_REACH, state.codes)
         flat = missed.ravel()
-        reasons = {k: found.reasons[k] for k in np.flatnonzero(flat)}
+        reasons = {k: found.reasons[k] for k in np.flatnonzero(flat).tolist()}
         y, yd = state.y, state.yd
         if not plain:
             y, yd, codes = self._completed(model, found.q, state, codes)
@@ -291,6 +294,43 @@ class Dynamics:
         self.kinematics.require_closed(q)
         return _State("q", q, v, a, np.where(finite, 0, _NOT_FINITE), {})
 
+    def state(self, positions: ArrayLike) -> Array:
+        """The closed configuration with given positions of the independent variables.
+
+        Args:
+            positions: of `independent`, (independent,), rad and m. The other joints go the way
+                from home, in small steps, so that the assembly stays that of home.
+
+        Raises:
+            OutOfReach: the loops do not close there.
+            ConfigurationError: the shape is wrong, a number is not finite, or an independent
+                variable has no position of its own, as those of a ball or of a floating base.
+        """
+        model, structure = self.model("joint"), self.structure
+        names = self.independent("joint")
+        places = []
+        for k in model.independent:
+            edge = structure.edges[structure.variables[k].edge]
+            if edge.type.coordinates > edge.type.freedoms:
+                name = structure.variables[k].name
+                raise ConfigurationError(f"{name} has no position of its own; give q in full")
+            start = self.models.closure.slices[structure.variables[k].edge].start
+            places.append(start + structure.variables[k].freedom)
+        given = _finite("positions", _numbers("positions", positions, len(names), names))
+        if given.ndim != 1:
+            raise ConfigurationError(
+                f"positions have shape {given.shape}, expected ({len(names)},)"
+            )
+        held = np.isin(np.arange(len(structure.variables)), model.independent)
+        q = self.home.copy()
+        for share in np.linspace(0, 1, STEPS + 1)[1:]:
+            q[places] = self.home[places] + share * (given - self.home[places])
+            found = self.assembler.close(q, held)
+            q = found.q
+            if found.ending is not NewtonEnding.closed:
+                raise OutOfReach("configuration", 1, [0], [found.ending.value])
+        return q
+
     # what the models are made of
 
     def mass_matrix(self, at: ArrayLike, space: Space = "platform") -> Array:
@@ -351,7 +391,7 @@ class Dynamics:
         gravity: ArrayLike | None = None,
         space: Space = "platform",
     ) -> tuple[Array, Array]:
-        """Kinetic energy, and potential energy -Σ m g·x from the origin of the base, J: (*batch)."""
+        """Kinetic energy, and potential energy -Σ m g·x from the base's origin, J: (*batch)."""
         inputs, loads = self._loads(None, gravity)
         state = self._state(space, at, rates)
         found = self._evaluated("energy", space, state, (state.y, *loads), inputs)
@@ -371,7 +411,9 @@ class Dynamics:
             first = self._platform_state(at, rates, accelerations, None)
             model = self.model(space)
             plain = list(model.independent) == self.structure.columns("operational")
-            state = first if first.place == "q" else self._by_configuration(model, first, None, plain)
+            state = (
+                first if first.place == "q" else self._by_configuration(model, first, None, plain)
+            )
         else:
             state = self._joint_state(at, rates, accelerations)
         self._require_sound(state)
@@ -507,7 +549,9 @@ class Dynamics:
         batch = np.broadcast_shapes(state.codes.shape, tau.shape[:-1])
         finite = np.isfinite(tau).all(-1)
         codes = np.where((state.codes == 0) & ~finite, _NOT_FINITE, state.codes)
-        state = _State(state.place, state.at, state.y, None, np.broadcast_to(codes, batch), state.reasons)
+        state = _State(
+            state.place, state.at, state.y, None, np.broadcast_to(codes, batch), state.reasons
+        )
         take = [state.at, *self._parameters, np.nan_to_num(state.y)]
         if self.motors:
             take.append(np.nan_to_num(tau))
@@ -529,7 +573,9 @@ class Dynamics:
         for k, code in enumerate(codes.ravel().tolist()):
             text = "" if code == 0 else state.reasons.get(k, ENDINGS[code].value)
             if code == _SINGULAR:
-                text += f" (regularity {regularity.ravel()[k]:.1e}, at least {LIMIT:g} is asked for)"
+                text += (
+                    f" (regularity {regularity.ravel()[k]:.1e}, at least {LIMIT:g} is asked for)"
+                )
             elif code == _OUT_OF_REACH and state.place == "x":
                 text = self._why_not_reached(state.at.reshape(-1, state.at.shape[-1])[k])
             reasons.append(text)
@@ -553,9 +599,7 @@ class Dynamics:
             raise SingularError(solution.ending.size, missed.tolist(), reasons)
         return solution
 
-    def _loads(
-        self, wrench: Wrench, gravity: ArrayLike | None
-    ) -> tuple[Inputs, tuple[Array, ...]]:
+    def _loads(self, wrench: Wrench, gravity: ArrayLike | None) -> tuple[Inputs, tuple[Array, ...]]:
         """What is given besides the state: its kind and its numbers."""
         arrays: list[Array] = []
         bodies: tuple[str, ...] = ()

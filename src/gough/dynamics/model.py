@@ -19,7 +19,7 @@ from gough.description.values import scalar, vector
 from gough.dynamics import plans
 from gough.errors import ConfigurationError
 from gough.geometry.coordinates import Coordinates
-from gough.geometry.samples import Sampled, sample
+from gough.geometry.samples import sample
 from gough.kernels import Kernel
 from gough.models import Models
 from gough.symbolic.plans import best_independent, generic_rank, relations
@@ -149,7 +149,7 @@ class Model:
         outputs = self.structure.columns("operational")
         if self._turned or not outputs:
             return None
-        form = ClosedForm(self.tree, self.C, self.kept, outputs)
+        form = ClosedForm(self.tree, self.C, self.kept, outputs, first_mode=True)
         if form.left:
             return None
         positions = JointPositions(self.tree, self.C, self.kept, form.known)
@@ -363,7 +363,11 @@ class Writing:
         return Loads(own.inertia, wrenches, own.rotors, own.pairs)
 
     def finish(
-        self, name: str, outputs: Sequence[Scalar], *takes: str, shape: tuple[int, ...] | None = None
+        self,
+        name: str,
+        outputs: Sequence[Scalar],
+        *takes: str,
+        shape: tuple[int, ...] | None = None,
     ) -> Kernel:
         """The kernel; ``takes`` names rates, accelerations or efforts that it depends on."""
         model, symbols = self.model, {}
@@ -411,7 +415,7 @@ class Writing:
         total = al.total(list(numbers))
         if al.is_number(total):
             return found
-        sound = casadi.fabs(total) < HUGE
+        sound: Scalar = casadi.fabs(total) < HUGE
         if self.place == "x" and self.model.quaternion is not None:
             square = casadi.sumsqr(self.model.closure.q[self.model.quaternion])
             sound = casadi.logic_and(sound, casadi.fabs(square - 1.0) < UNIT)
@@ -478,8 +482,8 @@ def _gravity_load(w: Writing) -> Kernel:
     """Forces along y that hold the mechanism at rest, (y,)."""
     at_rest = casadi.vertcat(*w.reduced.y)
     forces = casadi.vertcat(*[SX(x) for x in w.forces([0.0] * len(w.yd))])
-    still = casadi.substitute(forces, at_rest, SX.zeros(at_rest.numel()))
-    still = [still[k] for k in range(still.numel())]
+    column = casadi.substitute(forces, at_rest, SX.zeros(at_rest.numel()))
+    still = [column[k] for k in range(column.numel())]
     return w.finish("gravity_load", still, "gravity", "wrenches")
 
 

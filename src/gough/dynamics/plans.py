@@ -1,7 +1,7 @@
 """Which joints a model cuts: the same mechanism as other trees, and the cheapest of them.
 
-What hangs on the platform moves as it is told, and its inertia needs no reflecting; so it pays to cut
-legs where little is left on their own side. The number of operations decides.
+What hangs on the platform moves as it is told, and its inertia needs no reflecting; so it pays to
+cut legs where little is left on their own side. The number of operations decides.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from gough.assembly import Assembler
 from gough.cache import Cache, digest
 from gough.description import Mechanism
 from gough.description.frames import transform
-from gough.errors import DescriptionError, GoughError
 from gough.models import Models
 from gough.numerics.newton import Ending
 from gough.topology import WORLD, Modelling, Structure
@@ -46,11 +45,13 @@ def plans(structure: Structure) -> Iterator[Plan]:
         return
     if structure.modelling == "cut-platform":
         yield Plan("cut-joints", ())
+    bound = {name for coupling in structure.flat.couplings.values() for name in coupling.terms}
+    bound |= set(structure.mechanism.operational)
     by_kind: dict[str, list[str]] = {}
     for leg in structure.legs:
         for name in leg.joints:
             joint = structure.flat.joints[name]
-            if joint.type == "revolute" and not joint.actuated:
+            if joint.type == "revolute" and not joint.actuated and name not in bound:
                 by_kind.setdefault(name.rpartition(".")[2], []).append(name)
     for names in by_kind.values():
         yield Plan("cut-joints", tuple(names))
@@ -76,7 +77,7 @@ def planned(plan: Plan, models: Models, assembler: Assembler, home: Array) -> Pl
     content = mechanism.model_dump(exclude_unset=True) | {"cut": plan.cut}
     try:
         other = Models(Structure(Mechanism.model_validate(content), plan.modelling))
-    except (DescriptionError, GoughError):
+    except ValueError:  # a joint that this tree would need, or that can not be cut
         return None
     found = Assembler(other, assembler.p)
     closed = found.close(converted(models, assembler, home, other))
@@ -118,7 +119,7 @@ def key_of(models: Models, *more: str) -> bytes:
     return digest("plan 1", content, models.structure.modelling, *more)
 
 
-def kept(cache: Cache, key: bytes) -> Plan | None | bool:
+def kept(cache: Cache, key: bytes) -> Plan | bool | None:
     """The plan kept under a key; None stands for the mechanism's own tree, False for nothing."""
     content = cache.get(key)
     if content is None:

@@ -33,7 +33,7 @@ class _Solution:
     """The place in `ENDINGS` of each row's, (*batch,)."""
     regularity: Array
     """The smallest determinant that was divided by over its typical size near home, (*batch,): 0 at
-    a singularity of any type that the model meets, about 1 far from all; NaN where there is none."""
+    a singularity that the model meets, about 1 far from all; -1 or NaN where there is none."""
     reasons: tuple[str, ...]
     """What is wrong with each row of the flattened batch, "" where nothing is."""
 

@@ -383,6 +383,11 @@ class Kinematics:
         return np.asarray(self.assembler.row_scale[:, None] * E * self.assembler.rate_scale)
 
     def require_closed(self, q: Array) -> None:
+        """Raise if a row of configurations is open.
+
+        Raises:
+            ConfigurationError: the first such row and its gap.
+        """
         F = np.abs(self.assembler.row_scale * self.models.residual(q, self.assembler.p))
         gap = F.max(axis=-1, initial=0.0)
         _refuse(

@@ -29,9 +29,9 @@ Twist = tuple[Vector, Vector]
 class Element:
     """One step of a joint written as a chain of single motions from frame a to frame b.
 
-    First the shift, along the axes reached so far; then a turn (rad) about an axis, a slide (m) along
-    it, or a ball, any rotation with a unit quaternion as position. The motion is ``factor`` times the
-    position of the freedom.
+    First the shift, along the axes reached so far; then a turn (rad) about an axis, a slide (m)
+    along it, or a ball, any rotation with a unit quaternion as position. The motion is ``factor``
+    times the position of the freedom.
     """
 
     kind: Literal["turn", "slide", "ball"]

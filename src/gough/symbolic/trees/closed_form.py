@@ -7,8 +7,8 @@ unsolved motion give it:
 - a d + b = 0, or the root of a quadratic equation, for a slide;
 - two equations a c + b s = k for a turn, or one and c² + s² = 1.
 
-Branches are those of the samples. What is solved is put in, and the search goes on; loops that share
-no unsolved variable are solved one after the other.
+Branches are those of the samples. What is solved is put in, and the search goes on; loops that
+share no unsolved variable are solved one after the other.
 """
 
 from __future__ import annotations
@@ -34,6 +34,8 @@ Fits = NDArray[np.bool_]
 SX = casadi.SX
 Line = tuple[SX, SX, SX]
 """(a, b, k) of a c + b s = k."""
+Term = tuple[Node, Vector]
+"""A vector and the class in whose axes it is."""
 
 FITS = 1e-6
 """How near a root has to come to the samples to be theirs; a guess, branches are far apart."""
@@ -47,6 +49,8 @@ ENOUGH = 4
 """Samples that have to be in one working mode to tell its branches; a guess."""
 WEIGHTS = {casadi.OP_DIV: 6.0, casadi.OP_SQRT: 8.0}
 """What a quotient and a root count in operations, where ways are compared."""
+LEAVES = (casadi.OP_CONST, casadi.OP_INPUT)
+"""What is no operation."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,8 @@ class Way:
     """What it costs however many operations it takes; a guess."""
     counted: tuple[SX, ...]
     """What is counted in operations beside that."""
+    divisor: SX
+    """What the branches are divided by; must not change sign, since it is zero in between."""
     sides: Vector | None = None
     """For a length that is the root of a sum of squares: their roots."""
 
@@ -214,8 +220,8 @@ class ClosedForm:
                     return rated.way, root
         for rated in ways if self.first_mode else ():
             for root, fits in zip(rated.way.roots, rated.fits, strict=True):
-                on_some = rated.fits.any(axis=0)[self.in_mode].all()
-                if fits[0] and on_some and (self.in_mode & fits).sum() >= ENOUGH:
+                on_some = rated.fits[:, self.in_mode].any(axis=0)
+                if fits[0] and on_some.all() and (self.in_mode & fits).sum() >= ENOUGH:
                     self.in_mode = self.in_mode & fits
                     return rated.way, root
         return None
@@ -238,20 +244,25 @@ class ClosedForm:
 
     def _seen(self, tie: Tie, own: End, other: End) -> Iterator[Equation]:
         """The closing point from the nodes between the common one and one end."""
-        frames, line = self._frames, []
-        for node in own.node.ancestors():
-            line.append(node)
-            if node is tie.common:
-                break
-        across = _lifted(frames, other.node, other.point, tie.common)
-        for node in reversed(line):
+        frames, line = self._frames, _line_up(own.node, tie.common)
+        terms = _terms(frames, other, tie.common)
+        across = _gathered(frames, terms, tie.common.frame)
+        for k, node in reversed(list(enumerate(line))):
             if node is not tie.common:
-                assert node.parent is not None
-                across = al.minus(across, frames.arm(node))
-                across = frames.turn(across, node.parent.frame, node.frame)
-            along = _lifted(frames, own.node, own.point, node)
+                across = self._carried(node, line[k + 1 :], across, terms)
+            along = _gathered(frames, _terms(frames, own, node), node.frame)
             for component in (0, 1, 2, None):
                 yield Equation(along, across, component)
+
+    def _carried(
+        self, node: Node, line: Sequence[Node], across: Vector, terms: list[Term]
+    ) -> Vector:
+        """The way round seen from the next node: anew where its class was left before."""
+        frames, above = self._frames, line[0].frame
+        terms.append((above, al.scale(-1.0, frames.arm(node))))
+        if node.frame is not above and node.frame in [n.frame for n in line]:
+            return _gathered(frames, terms, node.frame)
+        return frames.turn(al.minus(across, frames.arm(node)), above, node.frame)
 
     # what depends on what
 
@@ -280,14 +291,16 @@ class ClosedForm:
             tries[range(len(order)), order] += 1.1
             at = (np.repeat(x[:, None], len(tries), axis=1) for x in (q, p))
             values = _mapped(function, *at, self._numbers(tries))
-            found |= ~(np.abs(values[:, :-1] - values[:, -1:]) < SEEN)
+            found |= ~np.isclose(values[:, :-1], values[:, -1:], 0, SEEN)
         return found
 
     def _plain(self, column: SX, variable: int) -> SX:
         """Expressions with the unsolved variables that they do not depend on left out."""
         others = [self._symbols[v] for v in self._open if v != variable]
         symbols = casadi.vertcat(*[x for place in others for x in _parts(place)], SX(0, 1))
-        values = [x for place in others for x in ((1.0, 0.0) if isinstance(place, tuple) else (1.0,))]
+        values = [
+            x for place in others for x in ((1.0, 0.0) if isinstance(place, tuple) else (1.0,))
+        ]
         return casadi.substitute(column, symbols, casadi.DM(values))
 
     # ways
@@ -315,11 +328,12 @@ class ClosedForm:
         lines = self._different(lines)
         for n, line in enumerate(lines):
             for other in lines[:n]:
-                crossing = _crossing(line, other)
-                if crossing is not None:
-                    yield Way(variable, (crossing,), 0.5, crossing)
-            roots = self._on_line(line)
-            yield Way(variable, roots, 4, roots[0])
+                if (crossing := _crossing(line, other)) is not None:
+                    point, determinant = crossing
+                    yield Way(variable, (point,), 0.5, point, determinant)
+            roots, (a, b, _) = self._on_line(line), line
+            divisor = b if a.is_zero() else a if b.is_zero() else SX(1)
+            yield Way(variable, roots, 4, roots[0], divisor)
 
     def _different(self, lines: Sequence[Line]) -> list[Line]:
         """The cheapest of lines that are the same."""
@@ -328,7 +342,7 @@ class ClosedForm:
         costs = self._costs(lines)
         found: list[int] = []
         for n in sorted(range(len(lines)), key=lambda n: costs[n]):
-            if not any(np.abs(values[n] - values[k]).max() < SEEN for k in found):
+            if not any(np.allclose(values[n], values[k], 0, SEEN) for k in found):
                 found.append(n)
         return [lines[n] for n in sorted(found)]
 
@@ -352,7 +366,7 @@ class ClosedForm:
         return ends, ((a * k + b * root) * inverse, (b * k - a * root) * inverse)
 
     def _other_side(self, b: SX, k: SX, s: SX) -> SX:
-        """√(1 - s²) with s = k / b; from the other sides where b is a length that k is a side of."""
+        """√(1 - s²) with s = k / b; from the other sides where k is one of a length b."""
         for root, sides in self._sides:
             if _same(b, root):
                 for n, side in enumerate(sides):
@@ -377,10 +391,12 @@ class ClosedForm:
 
     def _fits(self, ways: Sequence[Way]) -> list[Fits]:
         """For each way, which samples are on which root, (roots, samples)."""
-        roots = [(way, root) for way in ways for root in way.roots]
-        values = iter(self._at_samples([x for _, root in roots for x in _parts(root)]))
-        found = iter([self._on_root(way, root, values) for way, root in roots])
-        return [np.array([next(found) for _ in way.roots]) for way in ways]
+        scalars = [x for way in ways for root in way.roots for x in _parts(root)]
+        values = self._at_samples([*(way.divisor for way in ways), *scalars])
+        divisors, left = values[: len(ways)], iter(values[len(ways) :])
+        steady: Fits = np.all(divisors > 0, axis=1) | np.all(divisors < 0, axis=1)
+        fits = [np.array([self._on_root(way, root, left) for root in way.roots]) for way in ways]
+        return [on if sure else np.zeros_like(on) for on, sure in zip(fits, steady, strict=True)]
 
     def _on_root(self, way: Way, root: Place, values: Iterator[Array]) -> Fits:
         q = self.tree.samples.q[:, self._nodes[way.variable].place.start]
@@ -445,7 +461,7 @@ def _slide(variable: int, sides: Sequence[Side]) -> Iterator[Way]:
     if len(sides) == 1:
         if not sides[0].bent:
             a, b = sides[0].slope, sides[0].at
-            yield Way(variable, (-b / a,), 1, (a, b))
+            yield Way(variable, (-b / a,), 1, (a, b), a)
     elif (pair := _moving(sides)) is not None:
         yield _distance(variable, pair[0].slope, pair[0].at, pair[1].at)
 
@@ -458,9 +474,9 @@ def _distance(variable: int, along: SX, at: SX, fixed: SX) -> Way:
         root = casadi.sqrt(-k / a)
         plain = a.is_one() and casadi.dot(at, at).is_zero()
         sides = (fixed[0], fixed[1], fixed[2]) if plain else None
-        return Way(variable, (root, -root), 2, (k,), sides)
+        return Way(variable, (root, -root), 2, (k,), a, sides)
     root = casadi.sqrt(b * b - a * k)
-    return Way(variable, ((root - b) / a, (-root - b) / a), 3, (k, b))
+    return Way(variable, ((root - b) / a, (-root - b) / a), 3, (k, b), a)
 
 
 def _line(sides: Sequence[Side]) -> Iterator[Line]:
@@ -475,29 +491,66 @@ def _line(sides: Sequence[Side]) -> Iterator[Line]:
         yield 2 * casadi.dot(at, x), 2 * casadi.dot(at, y), rest
 
 
-def _lifted(frames: Frames, node: Node, p: Vector, top: Node) -> Vector:
-    """A point of a node seen from one of its ancestors, in class axes."""
-    while node is not top:
-        assert node.parent is not None
-        p = al.plus(frames.arm(node), frames.turn(p, node.frame, node.parent.frame))
-        node = node.parent
-    return p
+def _line_up(node: Node, top: Node) -> list[Node]:
+    """A node and its ancestors up to one of them."""
+    line = [node]
+    while line[-1] is not top:
+        assert line[-1].parent is not None
+        line.append(line[-1].parent)
+    return line
+
+
+def _terms(frames: Frames, end: End, top: Node) -> list[Term]:
+    """Arms from a node to the point of an end, each with the class in whose axes it is."""
+    arms = [
+        (node.parent.frame, frames.arm(node))
+        for node in _line_up(end.node, top)[:-1]
+        if node.parent is not None
+    ]
+    return [(end.node.frame, end.point), *arms]
+
+
+def _gathered(frames: Frames, terms: Sequence[Term], axes: Node) -> Vector:
+    """The sum of vectors in axes of a class, those of one class added before they are turned."""
+    sums: dict[Node, Vector] = {}
+    for frame, x in terms:
+        sums[frame] = al.plus(sums.get(frame, al.ZERO), x)
+    line = _classes(frames, axes)
+    while others := [frame for frame in sums if frame not in line]:
+        frame = max(others, key=lambda frame: len(_classes(frames, frame)))
+        above = frames.above(frame)
+        x = frames.turn(sums.pop(frame), frame, above)
+        sums[above] = al.plus(sums.get(above, al.ZERO), x)
+    found, at = al.ZERO, line[-1]
+    for frame in reversed(line):
+        found = al.plus(frames.turn(found, at, frame), sums.get(frame, al.ZERO))
+        at = frame
+    return found
+
+
+def _classes(frames: Frames, frame: Node) -> list[Node]:
+    """A class and those that carry it, down to that of the root."""
+    line = [frame]
+    while line[-1].parent is not None:
+        line.append(frames.above(line[-1]))
+    return line
 
 
 def _parts(place: Place) -> list[SX]:
     return [SX(x) for x in place] if isinstance(place, tuple) else [SX(place)]
 
 
-def _crossing(one: Line, two: Line) -> tuple[SX, SX] | None:
+def _crossing(one: Line, two: Line) -> tuple[tuple[SX, SX], SX] | None:
+    """Where two lines cross, and their determinant."""
     (a, b, k), (c, d, m) = one, two
     if b.is_zero() and c.is_zero():
-        return k / a, m / d
+        return (k / a, m / d), a * d
     if a.is_zero() and d.is_zero():
-        return m / c, k / b
+        return (m / c, k / b), b * c
     determinant = a * d - c * b
     if determinant.is_zero():
         return None
-    return (k * d - m * b) / determinant, (a * m - c * k) / determinant
+    return ((k * d - m * b) / determinant, (a * m - c * k) / determinant), determinant
 
 
 def _same(a: SX, b: SX) -> bool:
@@ -548,16 +601,15 @@ def _below(column: SX) -> tuple[list[int], dict[float, int]]:
         if code == casadi.OP_OUTPUT:
             found[into[1]] = masks[work[function.instruction_input(k)[0]]]
             continue
+        slots: list[int] = function.instruction_input(k)
+        operands = [] if code in LEAVES else [work[slot] for slot in slots]
+        key: tuple[object, ...] = (code, *(operands or slots))
         if code == casadi.OP_CONST:
-            key, below = (code, function.instruction_constant(k)), 0
-        elif code == casadi.OP_INPUT:
-            key, below = (code, *function.instruction_input(k)), 0
-        else:
-            operands = [work[slot] for slot in function.instruction_input(k)]
-            key, below = (code, *operands), _union([masks[n] for n in operands])
+            key = code, function.instruction_constant(k)
         if key not in number:
-            n = number[key] = len(masks)
-            if code not in (casadi.OP_CONST, casadi.OP_INPUT):
+            n, below = len(masks), _union([masks[n] for n in operands])
+            number[key] = n
+            if code not in LEAVES:
                 weight = WEIGHTS.get(code, 1.0)
                 kinds[weight] = kinds.get(weight, 0) | 1 << n
                 below |= 1 << n

@@ -30,6 +30,7 @@ class Factors:
 
     def __init__(self, A: Sequence[Sequence[Scalar]]) -> None:
         self.size = len(A)
+        self.determinant: Scalar = 1.0
         self._by_cofactors = self.size <= COFACTORS
         rows = [list(row) for row in A]
         if self._by_cofactors:
@@ -70,7 +71,6 @@ class Factors:
     def _eliminate(self, rows: Grid) -> None:
         self._exchanges: list[tuple[int, int, Scalar]] = []
         self._reciprocals: list[Scalar] = []
-        self.determinant: Scalar = 1.0
         for k in range(self.size):
             self._largest_up(rows, k)
             self.determinant = al.mul(self.determinant, rows[k][k])

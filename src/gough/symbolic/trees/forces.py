@@ -43,9 +43,7 @@ class Loads:
         return node.inertia if self.inertia is None else self.inertia.get(node.index, Inertia())
 
 
-def tree_forces(
-    frames: Frames, motion: Motion, loads: Loads, variables: int
-) -> list[Scalar]:
+def tree_forces(frames: Frames, motion: Motion, loads: Loads, variables: int) -> list[Scalar]:
     """Generalised forces of all variables, the loops open, (variables,).
 
     Forces run from the leaves to the root (Luh, Walker and Paul 1980).
@@ -113,9 +111,7 @@ def _outer_loads(frames: Frames, node: Node, loads: Loads) -> list[Wrench]:
     return found
 
 
-def handed(
-    frames: Frames, node: Node, f: Vector, t: Vector, found: list[Scalar]
-) -> Wrench:
+def handed(frames: Frames, node: Node, f: Vector, t: Vector, found: list[Scalar]) -> Wrench:
     """The wrench of a node as its parent feels it; what its own motion feels is added to found."""
     assert node.parent is not None
     above = node.parent.frame
@@ -182,8 +178,6 @@ def _add_pair(frames: Frames, pair: Pair, M: list[list[Scalar]]) -> None:
         for k, w in columns[1].items():
             x = al.mul(pair.k, al.dot(v, w))
             M[i][k], M[k][i] = al.add(M[i][k], x), al.add(M[k][i], x)
-
-
 
 
 def _composites(frames: Frames, loads: Loads) -> dict[int, Inertia]:

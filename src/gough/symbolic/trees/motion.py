@@ -1,4 +1,4 @@
-"""Velocities and accelerations of the nodes of a tree, in class axes, found as they are asked for."""
+"""Velocities and accelerations of the nodes of a tree, in class axes, found when asked for."""
 
 from __future__ import annotations
 

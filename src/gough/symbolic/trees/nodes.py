@@ -6,7 +6,7 @@ turned between them: the two bars of a parallelogram, or a platform that transla
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -238,7 +238,7 @@ class Tree:
     @staticmethod
     def _fixed(one: Node, other: Node) -> bool:
         """Whether only slides lie between two nodes, one of them an ancestor of the other."""
-        between = []
+        between: list[Node] = []
         for node in other.ancestors():
             if node is one:
                 return all(n.kind in ("slide", "rest") for n in between)
@@ -258,17 +258,29 @@ class Tree:
 
     def _load(self) -> None:
         """Put bodies and their inertia on nodes, in class axes."""
-        structure, values = self.closure.structure, self.closure.values
         for body, (node, C, o) in self.of_body.items():
             R = al.matmul(node.to_class, al.transpose(C))
             node.bodies[body] = R, al.turn(R, al.scale(-1.0, o))
-            described = structure.flat.bodies.get(body)
-            if described is None:
+        for index, inertia in self.inertia_of(self.of_body).items():
+            self.nodes[index].inertia = inertia
+
+    def inertia_of(self, bodies: Iterable[str]) -> dict[int, Inertia]:
+        """Inertia of some bodies alone, by the index of the node that carries them."""
+        described, values = self.closure.structure.flat.bodies, self.closure.values
+        found: dict[int, Inertia] = {}
+        for body in bodies:
+            if body not in described:
                 continue
-            mass, c = scalar(described.mass, values), vector(described.com, values, 2, 3)
-            com = al.plus(node.bodies[body][1], al.turn(R, (*c, 0.0)[:3]))
-            inertia = vector(described.inertia, values, 3, 6)
-            add_body(node, mass, com, al.matmul(al.matmul(R, _tensor(inertia)), al.transpose(R)))
+            node, *_ = self.of_body[body]
+            R, origin = node.bodies[body]
+            part = described[body]
+            mass, c = scalar(part.mass, values), vector(part.com, values, 2, 3)
+            com = al.plus(origin, al.turn(R, (*c, 0.0)[:3]))
+            inertia = _tensor(vector(part.inertia, values, 3, 6))
+            central = al.matmul(al.matmul(R, inertia), al.transpose(R))
+            own = found.get(node.index, Inertia())
+            found[node.index] = with_body(own, mass, com, central)
+        return found
 
     def end(self, closing: Closing, side: int) -> End:
         """One frame of a closing."""
@@ -285,7 +297,9 @@ def rotation(node: Node, q: SX) -> Matrix:
         angle = al.mul(node.factor, q[node.place.start])
         return turned(node.axis, al.cos(angle), al.sin(angle))
     if node.kind == "ball":
-        R = al.rotation_from_quaternion_wxyz([q[k] for k in range(node.place.start, node.place.stop)])
+        R = al.rotation_from_quaternion_wxyz(
+            [q[k] for k in range(node.place.start, node.place.stop)]
+        )
         return al.transpose(R) if node.reversed else R
     return al.IDENTITY
 
@@ -298,25 +312,22 @@ def turned(axis: int, c: Scalar, s: Scalar) -> Matrix:
     return tuple(tuple(row) for row in R)  # type: ignore[return-value]
 
 
-def add_body(node: Node, mass: Scalar, com: Vector, central: Matrix) -> None:
-    """Add a body to the inertia of a node; its inertia is about its centre of mass."""
+def with_body(own: Inertia, mass: Scalar, com: Vector, central: Matrix) -> Inertia:
+    """The inertia together with a body's; that one's tensor is about its centre of mass."""
     moment = al.scale(mass, com)
     steiner = shifted(mass, com)
-    own = node.inertia
     tensor = tuple(
         tuple(al.total([a, b, c]) for a, b, c in zip(*rows, strict=True))
         for rows in zip(own.tensor, central, steiner, strict=True)
     )
-    node.inertia = Inertia(al.add(own.mass, mass), al.plus(own.moment, moment), tensor)  # type: ignore[arg-type]
+    return Inertia(al.add(own.mass, mass), al.plus(own.moment, moment), tensor)  # type: ignore[arg-type]
 
 
 def shifted(mass: Scalar, r: Vector) -> Matrix:
     """m (r² 1 - r rᵀ), the inertia of a point."""
     square = al.dot(r, r)
     return tuple(
-        tuple(
-            al.mul(mass, al.sub(square if i == k else 0.0, al.mul(r[i], r[k]))) for k in range(3)
-        )
+        tuple(al.mul(mass, al.sub(square if i == k else 0.0, al.mul(r[i], r[k]))) for k in range(3))
         for i in range(3)
     )  # type: ignore[return-value]
 

@@ -69,7 +69,7 @@ class JointPositions:
 
     def _circle(self, variable: int) -> tuple[Scalar, Scalar]:
         if variable in self.known:
-            return self.known[variable]  # type: ignore[return-value]
+            return self.known[variable]
         if (terms := self.sum_of(variable)) is not None:
             constant, parts = terms
             found = _exact(np.cos(constant)), _exact(np.sin(constant))
@@ -128,5 +128,3 @@ def _added(a: tuple[Scalar, Scalar], b: tuple[Scalar, Scalar]) -> tuple[Scalar, 
 
 def _exact(x: float) -> float:
     return float(round(x)) if abs(x - round(x)) < CONSTANT else float(x)
-
-

@@ -1,6 +1,6 @@
 """Dynamics of a mechanism with loops in independent rates, block by block, as scalar expressions.
 
-With v = C w, w = (y, u), J u + P y = 0 in the chosen rows, and h the generalised forces of the tree:
+With v = C w, w = (y, u), J u + P y = 0 in the chosen rows, and h the forces of the tree:
 
     u = -J⁻¹ P y,    h_y' = h_y - Pᵀ J⁻ᵀ h_u    (inverse dynamics: the forces that y feels)
     A = M_yy - Pᵀ J⁻ᵀ M_uy - (…)ᵀ + Pᵀ (J⁻ᵀ M_uu J⁻¹) P    (direct dynamics)
@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from gough import algebra as al
 from gough.algebra import Scalar, Vector
+from gough.symbolic.plans import Block
 from gough.symbolic.trees.factors import Factors, Grid
 from gough.symbolic.trees.forces import Loads, mass_matrix, tree_forces
 from gough.symbolic.trees.frames import Frames, Rates
 from gough.symbolic.trees.motion import Motion
 from gough.symbolic.trees.nodes import Node
-
 from gough.symbolic.trees.selection import Chosen, Selection
 from gough.symbolic.trees.ties import Rows
 
@@ -103,7 +103,10 @@ class Reduced:
             if rows is not None and not rows.issuperset(block.rows):
                 continue
             b = [
-                al.sub(right[i], al.total([al.mul(self._J[i, k], found[k]) for k in found if (i, k) in self._J]))
+                al.sub(
+                    right[i],
+                    al.total([al.mul(self._J[i, k], found[k]) for k in found if (i, k) in self._J]),
+                )
                 for i in block.rows
             ]
             x = [0.0] * len(b) if all(map(_zero, b)) else factors.solve(b)
@@ -224,10 +227,12 @@ class Reduced:
             found.append((rows, sorted(k for n in group for k in blocks[n].unknowns)))
         return found
 
-    def _hang_together(self, a: object, b: object, M: Grid) -> bool:
-        return any(
-            (i, k) in self._J for one, two in ((a, b), (b, a)) for i in one.rows for k in two.unknowns  # type: ignore[attr-defined]
-        ) or any(not _zero(M[i][k]) for i in a.unknowns for k in b.unknowns)  # type: ignore[attr-defined]
+    def _hang_together(self, a: Block, b: Block, M: Grid) -> bool:
+        """Whether two blocks share an unknown in a row, or inertia."""
+        pairs = [(i, k) for one, two in ((a, b), (b, a)) for i in one.rows for k in two.unknowns]
+        if any(pair in self._J for pair in pairs):
+            return True
+        return any(not _zero(M[i][k]) for i in a.unknowns for k in b.unknowns)
 
     def _add_group(self, A: Grid, M: Grid, group: tuple[list[int], list[int]]) -> None:
         """Add what one leg's unknown rates make of its inertia."""
@@ -246,9 +251,7 @@ class Reduced:
         self._add_reflected(A, X, rows)
         P = self._unit_rows(rows)
         KM = {
-            (r, j): al.total(
-                [al.mul(K[r].get(k, 0.0), M[k][y]) for k in unknowns]
-            )
+            (r, j): al.total([al.mul(K[r].get(k, 0.0), M[k][y]) for k in unknowns])
             for r in rows
             for j, y in enumerate(self.selection.given)
         }
@@ -263,9 +266,7 @@ class Reduced:
         """Add Pᵀ X P with P = L Z: first to the points where the leg closes, then to y."""
         L, Z = self._through_points(rows)
         n = len(Z)
-        XL = [
-            [al.total([al.mul(X[r, s], L[s][a]) for s in rows]) for a in range(n)] for r in rows
-        ]
+        XL = [[al.total([al.mul(X[r, s], L[s][a]) for s in rows]) for a in range(n)] for r in rows]
         D = [[0.0] * n for _ in range(n)]
         for a in range(n):
             for b in range(a + 1):
@@ -311,7 +312,12 @@ class Reduced:
             return None
         given = set(self.selection.given)
         moved = [
-            {k for n in end.node.ancestors() for v in n.variables for k in np.flatnonzero(self.C[v])}
+            {
+                k
+                for n in end.node.ancestors()
+                for v in n.variables
+                for k in np.flatnonzero(self.C[v])
+            }
             for end in (tie.a, tie.b)
         ]
         if moved[1] <= given and not moved[0] & given:
@@ -357,5 +363,3 @@ def _zero(x: Scalar) -> bool:
 
 def _number(x: SX) -> Scalar:
     return float(x) if x.is_constant() else x
-
-

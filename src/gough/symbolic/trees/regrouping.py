@@ -1,4 +1,4 @@
-"""The sparsest inertia that moves alike: fewest and cheapest numbers, found by linear programmes."""
+"""The sparsest inertia that moves alike: fewest and cheapest numbers, by linear programmes."""
 
 from __future__ import annotations
 
@@ -78,9 +78,7 @@ def regroupings(tree: Tree, frames: Frames, given: set[int], most: int) -> list[
         kinds = [_kind(node) for node in transfers.nodes]
         found = _sparsest(p, transfers.basis, _scale(p), _costs(transfers.nodes, given), kinds)
     points = _Points(tree, frames)
-    return [
-        _with_pairs(points, _inertias(transfers.nodes, x), given) for x in found[:most]
-    ]
+    return [_with_pairs(points, _inertias(transfers.nodes, x), given) for x in found[:most]]
 
 
 def _inertias(nodes: list[Node], p: Array) -> dict[int, Inertia]:
@@ -186,7 +184,7 @@ class _Points:
 
 
 def _with_pairs(points: _Points, inertia: dict[int, Inertia], given: set[int]) -> Regrouped:
-    """Bodies without a tensor, and with a moment along the way to where they close, as two points."""
+    """Bodies without a tensor, their moment along the way to where they close, as two points."""
     pairs: list[Pair] = []
     for node in points.tree.nodes[1:]:
         body = inertia[node.index]
@@ -218,7 +216,9 @@ def _pairs_of(points: _Points, node: Node, body: Inertia) -> Iterator[Pair]:
             r = own[0]
             if np.linalg.norm(r) < small or np.abs(own - r).max() > small:
                 continue
-            if np.linalg.norm(np.cross(r, moment)) < SAME * np.linalg.norm(r) * np.linalg.norm(moment):
+            if np.linalg.norm(np.cross(r, moment)) < SAME * np.linalg.norm(r) * np.linalg.norm(
+                moment
+            ):
                 yield Pair(start, p, end.node, end.point, float(moment @ r / (r @ r)))
 
 

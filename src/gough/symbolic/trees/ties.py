@@ -19,7 +19,6 @@ from gough.joints.constraints import CONSTRAINTS
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion, Twisted
 from gough.symbolic.trees.nodes import End, Node, Tree
-from gough.topology import Closing
 
 
 @dataclass(frozen=True)
@@ -261,9 +260,7 @@ def _circle_acceleration(view: _View) -> list[Scalar]:
 def _crossed_acceleration(view: _View) -> list[Scalar]:
     """n = x × y with ṅ = (ω_a × x) × y + x × (ω_b × y)."""
     x, y, a, b = view.axis(0), view.second_axis(), view.tie.a, view.tie.b
-    change = al.plus(
-        al.cross(al.cross(view.spin(a), x), y), al.cross(x, al.cross(view.spin(b), y))
-    )
+    change = al.plus(al.cross(al.cross(view.spin(a), x), y), al.cross(x, al.cross(view.spin(b), y)))
     turning = al.dot(change, view.relative_spin)
     return [al.add(al.dot(al.cross(x, y), view.relative_spin_rate), turning)]
 

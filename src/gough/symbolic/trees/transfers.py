@@ -1,9 +1,9 @@
 """Inertia that joints can move from one body to another without any effect on the motion.
 
 Each joint has such transfers of its own, whatever the rest of the mechanism is (Khalil and Dombre
-2002, 9.4): a mass on the axis of a pin may belong to either body, so may a moment along the axis and
-a rod's inertia about it; a ball passes a mass at its centre. They are exact for every position, so
-that nothing has to be found by sampling.
+2002, 9.4): a mass on the axis of a pin may belong to either body, so may a moment along the axis
+and a rod's inertia about it; a ball passes a mass at its centre. They are exact for every position,
+so that nothing has to be found by sampling.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def as_vector(inertia: Inertia) -> Array:
     return np.array([inertia.mass, *inertia.moment, *tensor], dtype=float)
 
 
-def from_vector(x: Sequence[float]) -> Inertia:
+def from_vector(x: Sequence[float] | Array) -> Inertia:
     """The body that ten numbers are of."""
     mass, a, b, c, *entries = (float(value) for value in x)
     rows = [[0.0] * 3 for _ in range(3)]
@@ -95,7 +95,7 @@ class Transfers:
                 self._add((node, moment_at(al.ZERO, axis), 1), (parent, moment_at(arm, axis), -1))
 
     def _about_fixed_direction(self, node: Node) -> None:
-        """Of a body that turns about an axis of fixed direction, only its inertia about it counts."""
+        """Of a body turning about a fixed direction only the inertia about it counts."""
         u = np.array(node.unit, dtype=float)
         across = np.linalg.svd(u[None])[2][1:]
         for a, b in ((across[0], across[0]), (across[1], across[1]), tuple(across)):
