@@ -222,8 +222,8 @@ def _scaled_rows(regressor: Regressor, states: States) -> Array:
 def _null_space(Y: Array) -> tuple[Array, float]:
     """Orthonormal changes without effect, (parameters, changes), and how clear their number is."""
     count = Y.shape[1]
-    _, s, Vt = np.linalg.svd(Y, full_matrices=True)
-    s = np.r_[s, np.zeros(count - len(s))] if len(s) < count else s
+    Y = np.vstack([Y, np.zeros((max(count - len(Y), 0), count))])
+    _, s, Vt = np.linalg.svd(Y, full_matrices=False)
     rank = int(np.sum(s > THRESHOLD * s[0])) if s.size and s[0] > 0 else 0
     gap = np.inf
     if 0 < rank < count and s[rank] > 0:
