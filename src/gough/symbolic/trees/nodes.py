@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import casadi
@@ -100,24 +101,24 @@ class Node:
             yield node
             node = node.parent
 
-    @property
+    @cached_property
     def unit(self) -> Vector:
         """The axis of a turn, along which positive rates point, in class axes."""
         own = al.scale(self.factor, al.column(al.IDENTITY, self.axis))
         return al.turn(self.to_class, own)
 
-    @property
+    @cached_property
     def direction(self) -> Vector:
         """The axis of a slide in the class axes of its parent, times its factor."""
         return al.scale(self.factor, al.column(self.joint_axes, self.axis))
 
-    @property
+    @cached_property
     def joint_axes(self) -> Matrix:
         """Axes of the joint before its own motion, in class axes of the parent."""
         assert self.parent is not None
         return al.matmul(self.parent.to_class, self.before)
 
-    @property
+    @cached_property
     def arm(self) -> Vector:
         """Origin of the joint in class axes of the parent, without a slide of its own."""
         assert self.parent is not None

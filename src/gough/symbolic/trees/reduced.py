@@ -249,16 +249,25 @@ class Reduced:
                 x = al.total([al.mul(K[r].get(k, 0.0), MK[k, s]) for k in unknowns])
                 X[r, s] = X[s, r] = x
         self._add_reflected(A, X, rows)
-        P = self._unit_rows(rows)
+        self._add_shared(A, M, K, group)
+
+    def _add_shared(
+        self, A: Grid, M: Grid, K: Mapping[int, Rates], group: tuple[list[int], list[int]]
+    ) -> None:
+        """Subtract what inertia that given and unknown rates share makes."""
+        (rows, unknowns), given = group, self.selection.given
+        if all(_zero(M[k][y]) for k in unknowns for y in given):
+            return
         KM = {
             (r, j): al.total([al.mul(K[r].get(k, 0.0), M[k][y]) for k in unknowns])
             for r in rows
-            for j, y in enumerate(self.selection.given)
+            for j, y in enumerate(given)
         }
+        P = self._unit_rows
         for i in range(len(A)):
             for j in range(i + 1):
-                x = al.total([al.mul(P[r, i], KM[r, j]) for r in rows])
-                x = al.add(x, al.total([al.mul(P[r, j], KM[r, i]) for r in rows]))
+                x = al.total([al.mul(P[r][i], KM[r, j]) for r in rows])
+                x = al.add(x, al.total([al.mul(P[r][j], KM[r, i]) for r in rows]))
                 A[i][j] = al.sub(A[i][j], x)
                 A[j][i] = A[i][j]
 
@@ -289,9 +298,8 @@ class Reduced:
         end = ends.pop() if len(ends) == 1 else None
         count = len(self.selection.given)
         if end is None or count <= 3:
-            P = self._unit_rows(rows)
             identity = [[float(i == j) for j in range(count)] for i in range(count)]
-            return {r: [P[r, j] for j in range(count)] for r in rows}, identity
+            return {r: self._unit_rows[r] for r in rows}, identity
         node, point, sign = end
         Z: Grid = [[], [], []]
         for k in self.selection.given:
@@ -334,14 +342,11 @@ class Reduced:
             found[r] = self.solve(right, whole)
         return found
 
-    def _unit_rows(self, rows: Sequence[int]) -> dict[tuple[int, int], Scalar]:
-        """P of some rows, (row, given)."""
-        found = {}
-        for j, k in enumerate(self.selection.given):
-            each = self._each(self._motions({k: 1.0}), False)
-            for r in rows:
-                found[r, j] = each[r]
-        return found
+    @cached_property
+    def _unit_rows(self) -> Grid:
+        """P, (rows, given)."""
+        columns = [self._each(self._motions({k: 1.0}), False) for k in self.selection.given]
+        return [list(row) for row in zip(*columns, strict=True)]
 
     @cached_property
     def regularity(self) -> Scalar:
