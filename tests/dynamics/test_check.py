@@ -2,12 +2,11 @@
 
 import json
 
-import casadi
-import numpy as np
 import pytest
 
 from gough import load
 from gough.dynamics.check import AGREED, check_dynamics
+from gough.dynamics.model import PLAIN
 from gough.errors import ConfigurationError
 from gough.symbolic.trees.forces import Loads
 
@@ -56,9 +55,10 @@ def test_wrong_rates_are_found():
     dynamics = load("four-bar").dynamics
     model = dynamics.model("joint")
     kernel = model.kernel("rates", "q")
-    model._kernels["rates", "q", type(model.kernel.__defaults__[0])()] = lambda *a: 1.01 * kernel(*a)
+    model._kernels["rates", "q", PLAIN] = lambda *inputs: kernel(*inputs) + 0.01
     found = check_dynamics(dynamics, states=3)
-    assert not found.passed
+    broken = {law.name for law in found.laws if not law.holds}
+    assert {"rates obey the closure", "forces are Lagrange's"} <= broken
 
 
 def test_results_print_and_travel_and_repeat():
@@ -74,7 +74,3 @@ def test_results_print_and_travel_and_repeat():
     assert "seed 3" in text
     with pytest.raises(ConfigurationError, match="at least 1"):
         check_dynamics(dynamics, states=0)
-
-
-def test_casadi_and_numpy_are_all_it_takes():
-    assert casadi and np

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from gough import load
+from gough.description import Mechanism
 from gough.dynamics.contributions import REST, Contributions, leg_contributions, parts_of
 from gough.errors import ConfigurationError, UnknownName
+from gough.topology import Structure
 
 DATA = json.loads((Path(__file__).parents[1] / "data" / "orthoglide.json").read_text("utf-8"))
 CASES = DATA["cases"]
@@ -129,22 +131,21 @@ def test_gravity_may_be_given_and_a_batch_is_its_rows(motion):
     close_to(twice.velocity, found.velocity)
 
 
-def test_shared_bodies_and_floating_bases_are_the_rest():
-    robot = load("deployable-hexapod")
-    parts = {part.name: part for part in parts_of(robot.structure)}
-    floating = robot.structure.mechanism.floating
-    assert (REST in parts) == floating or parts[REST].bodies
-
-
-def test_a_leg_in_motion_by_joint_space():
-    robot = load("biped-leg") if load("biped-leg").structure.mechanism.platform else load("2rpr")
+def test_joint_space():
+    robot = load("2rpr")
     dynamics = robot.dynamics
-    count = len(dynamics.independent("joint"))
-    rng = np.random.default_rng(4)
-    v, a = rng.normal(size=(2, count))
+    v, a = np.random.default_rng(4).normal(size=(2, len(dynamics.independent("joint"))))
     found = Contributions(dynamics).at(robot.home.q, v, a, space="joint")
-    model = dynamics.model("joint")
-    close_to(found.total_forces, model.kernel("forces", "q")(robot.home.q, v, a))
+    kernel = dynamics.model("joint").kernel("forces", "q")
+    close_to(found.total_forces, kernel(robot.home.q, v, a))
+    close_to(found.total_efforts, dynamics.inverse_joint(robot.home.q, v, a).efforts)
+
+
+def test_a_floating_base_is_the_rest():
+    content = load("biped-leg").mechanism.model_dump(exclude_unset=True)
+    structure = Structure(Mechanism.model_validate(content | {"platform": "foot"}))
+    parts = {part.name: part for part in parts_of(structure)}
+    assert structure.mechanism.base in parts[REST].bodies
 
 
 def test_results_print_and_travel():

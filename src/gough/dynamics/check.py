@@ -7,7 +7,7 @@ closure equations; then forces along the independent rates y are Gᵀ τ, with v
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -186,7 +186,6 @@ class _Trial:
         y = list(self.model.independent)
         self.x, self.q = self._states(states)
         self.y, self.yd = self.rng.normal(size=(2, len(self.q), len(y)))
-        # of the order of a second for a motion of a characteristic length or a radian
         self.scale = dynamics.assembler.rate_scale[y]
         self.y, self.yd = self.y * self.scale, self.yd * self.scale
         self.v = self._kernel("rates", self.y)
@@ -210,7 +209,6 @@ class _Trial:
         inverse = dynamics.inverse_geometry if self.space == "platform" else None
         for _ in range(TRIES * count):
             q = dynamics.assembler.wander(dynamics.home, self.rng, self.rng.uniform(0.2, 1) * REACH)
-            q = dynamics.home if q is None and self._immobile else q
             state = None if q is None else self._placed(inverse, q)
             if state is not None:
                 found.append(state)
@@ -222,10 +220,6 @@ class _Trial:
             )
         x = None if inverse is None else np.array([x for x, _ in found])
         return x, np.array([q for _, q in found])
-
-    @property
-    def _immobile(self) -> bool:
-        return not self.model.independent
 
     def _placed(self, inverse: InverseGeometry | None, q: Array) -> tuple[Array, Array] | None:
         """Outputs of a configuration, and the configuration that they lead back to."""
@@ -254,7 +248,7 @@ class _Trial:
             *self._of_energy(),
         ]
         if self.x is not None and "x" in self.model.places:
-            found.append(self._by_outputs())
+            found.append(self._by_outputs(self.x))
         return [*found, *self._of_inverse()]
 
     def _law(self, name: str, differences: Array, sizes: Array) -> Law:
@@ -296,10 +290,10 @@ class _Trial:
             self._law("power is the rate of energy", power[:, None], sizes[:, None]),
         ]
 
-    def _by_outputs(self) -> Law:
+    def _by_outputs(self, x: Array) -> Law:
         """The model that is placed by outputs gives the same forces."""
         kernel = self.model.kernel("forces", "x")
-        given = kernel(self.x, *self._p, self.y, self.yd)
+        given = kernel(x, *self._p, self.y, self.yd)
         difference = (given - self.forces) * self.scale
         return self._law("closed forms give the same", difference, self.size * self.scale)
 
@@ -330,7 +324,7 @@ class _Trial:
         """ẏ found again from the efforts that it takes."""
         J, name = self._kernel("motor_jacobian"), "direct(inverse(ẏ)) = ẏ"
         kept = self._regular(J)
-        if "inverse" in self._simple:
+        if self._simple:
             tau = self._kernel("inverse", self.y, self.yd)
             kept, tau = kept & (tau[..., -1] > LIMIT), tau[..., :-1]
         else:
@@ -345,7 +339,7 @@ class _Trial:
         A = self._kernel("mass_matrix") * self.scale[:, None] * self.scale
         inverse = np.linalg.pinv(A, hermitian=True)
         parts = np.einsum("nij,nj->ni", np.abs(inverse), self.size * self.scale)
-        return parts + np.abs(self.yd / self.scale)
+        return np.asarray(parts + np.abs(self.yd / self.scale))
 
     def _inverse_of_direct(self) -> Law:
         """Efforts found again from the accelerations that they give."""
@@ -355,7 +349,7 @@ class _Trial:
         moved = self._kernel("direct", self.y, tau)
         kept = self._regular(J) & (moved[..., -1] > LIMIT)
         forces = self._kernel("forces", self.y, np.where(kept[:, None], moved[..., :-1], 0.0))
-        if "inverse" in self._simple:
+        if self._simple:
             yd = np.where(kept[:, None], moved[..., :-1], 0.0)
             back = self._kernel("inverse", self.y, yd)[..., :-1]
         else:
@@ -368,8 +362,8 @@ class _Trial:
         return np.asarray(inverse @ (np.abs(forces) + self.size)[..., None])[..., 0]
 
     @property
-    def _simple(self) -> Sequence[str]:
+    def _simple(self) -> bool:
         """Whether there is a kernel of inverse dynamics."""
         model = self.model
         least = min(len(model.actuated), len(model.independent))
-        return ("inverse",) if model.motors_rank == least and least else ()
+        return least > 0 and model.motors_rank == least

@@ -35,6 +35,8 @@ SX = casadi.SX
 
 REST = "(rest)"
 """The name of what belongs neither to one leg nor to the platform."""
+ROUNDING = 1e-12
+"""Part of the largest number of a table below which it shows 0."""
 
 
 @dataclass(frozen=True)
@@ -156,8 +158,10 @@ class LegContributions:
 
     def as_dict(self) -> dict[str, Any]:
         """The content as plain data."""
-        efforts = self.efforts
-        shares = None if efforts is None else np.where(np.isfinite(efforts), efforts, None)
+        shares = None
+        if self.efforts is not None:
+            shares = self.efforts.astype(object)
+            shares[~np.isfinite(self.efforts)] = None
         return {
             "parts": list(self.parts),
             "independent": list(self.independent),
@@ -185,7 +189,9 @@ class LegContributions:
 
 def _table(parts: Sequence[str], values: Array) -> Iterator[str]:
     width = max(5, *map(len, parts))
-    for name, row in zip((*parts, "total"), (*values, values.sum(axis=0)), strict=True):
+    rows = np.concatenate([values, values.sum(axis=0, keepdims=True)])
+    rows = np.where(np.abs(rows) < ROUNDING * np.abs(values).max(initial=0.0), 0.0, rows)
+    for name, row in zip((*parts, "total"), rows, strict=True):
         yield f"  {name:{width}}" + "".join(f" {x:11.4g}" for x in row)
 
 
@@ -292,7 +298,9 @@ def _loads(model: Model, part: Part) -> Loads:
 
 def _weight(reduced: Reduced, gravity: Vector, loads: Loads) -> list[Scalar]:
     """Forces at rest."""
-    forces = casadi.vertcat(*[SX(x) for x in reduced.forces([0.0] * len(reduced.y), gravity, loads)])
+    forces = casadi.vertcat(
+        *[SX(x) for x in reduced.forces([0.0] * len(reduced.y), gravity, loads)]
+    )
     y = casadi.vertcat(*reduced.y)
     still = casadi.substitute(forces, y, SX.zeros(y.numel()))
     return [still[k] for k in range(still.numel())]

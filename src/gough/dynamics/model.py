@@ -407,7 +407,7 @@ class Writing:
 
     def regularity(self, determinant: Scalar, numbers: Sequence[Scalar], name: str) -> Scalar:
         """The smaller of two measures, or -1 where a number is none."""
-        found = self.reduced.regularity
+        found = self.reduced.regularity(numbers)
         if not al.is_number(determinant):
             typical = self._typical(determinant)
             size = casadi.fabs(determinant) * (1.0 / typical)

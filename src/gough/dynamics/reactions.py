@@ -1,12 +1,14 @@
 """Forces that joints and constraints transmit, from the Newton-Euler equations of all bodies.
 
-The wrench W that a joint exerts on its second body obeys Sᵀ W = e, with S the twists that the joint
-allows and e the efforts on its freedoms; what else it transmits is unknown. All bodies together give
+The wrench W that a joint exerts on its second body obeys Sᵀ W = e, with S the twists that the
+joint allows and e the efforts on its freedoms; what else it transmits is unknown. With X that
+carries a wrench to the origin of a body, each body asks for
 
-    Σ ±X W = m (a - g), …    a linear system in the unknown components.
+    Σ ± X W = what moves it - its weight - given wrenches
 
-Where joints repeat each other the system leaves some components open: these are told, and have the
-values of the least solution.
+Where joints repeat each other these equations leave some components open: those are told, and have
+the values of the least solution. In planar motion the plane holds every body too, so that all
+components across the plane are open.
 """
 
 from __future__ import annotations
@@ -26,7 +28,7 @@ from gough.description.parts import Body, Frame
 from gough.description.values import scalar, vector
 from gough.dynamics.dynamics import Dynamics, Wrench
 from gough.dynamics.model import Space
-from gough.errors import ConfigurationError, SingularError, UnknownName
+from gough.errors import ConfigurationError, UnknownName
 from gough.joints import TYPES, Free, JointType
 from gough.joints.base import Twist
 from gough.kernels import Kernel
@@ -41,6 +43,8 @@ UNIQUE = 1e-9
 """Change of a component by a unit change of what is open, below which it is not open itself."""
 BALANCED = 1e-7
 """Part of the forces by which bodies may miss their balance; a guess, far above rounding."""
+ROUNDING = 1e-12
+"""Part of the largest number of a table below which it shows 0."""
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
@@ -69,11 +73,11 @@ class Reactions:
         Raises:
             UnknownName: there is none of that name.
         """
-        return self.wrench[self._row(joint)]
+        return np.asarray(self.wrench[self._row(joint)])
 
     def is_unique(self, joint: str) -> Mask:
         """Which components of its wrench the motion determines, (6,)."""
-        return self.unique[self._row(joint)]
+        return np.asarray(self.unique[self._row(joint)])
 
     def _row(self, joint: str) -> int:
         if joint not in self.joints:
@@ -99,8 +103,10 @@ class Reactions:
     def __str__(self) -> str:
         width = max(5, *(len(name) for name in self.joints)) if self.joints else 5
         lines = [" " * width + "".join(f" {name:>12}" for name in COMPONENTS) + "  on"]
+        small = np.abs(self.wrench) < ROUNDING * np.abs(self.wrench).max(initial=0.0)
+        shown = np.where(small, 0.0, self.wrench)
         for name, pair, row, known in zip(
-            self.joints, self.bodies, self.wrench, self.unique, strict=True
+            self.joints, self.bodies, shown, self.unique, strict=True
         ):
             cells = (f"{x:11.4g}{' ' if k else '?'}" for x, k in zip(row, known, strict=True))
             lines.append(f"{name:{width}} " + " ".join(cells) + f"  {pair[1]}")
@@ -286,7 +292,12 @@ class JointForces:
         return self._solved(self._state(q, v, vd, given), outer)
 
     def _driven(
-        self, at: ArrayLike, rates: ArrayLike, efforts: ArrayLike | None, space: Space, outer: _Outer
+        self,
+        at: ArrayLike,
+        rates: ArrayLike,
+        efforts: ArrayLike | None,
+        space: Space,
+        outer: _Outer,
     ) -> tuple[Array, Array, Array]:
         """The motion that efforts bring about, in rates that leave nothing open."""
         dynamics = self.dynamics
@@ -353,7 +364,7 @@ class JointForces:
     def _placed(self, hold: _Hold, state: _State) -> _Placed:
         a, b = (state.poses[x] @ T for x, T in zip(hold.bodies, hold.T_body_frame, strict=True))
         if isinstance(hold.kind, JointType):
-            T_a_b = np.linalg.solve(a, b)
+            T_a_b: Array = np.asarray(np.linalg.solve(a, b), dtype=float)
             q = np.atleast_1d(hold.kind.measured(T_a_b, hold.dimensions)).tolist()
             S = _twists(hold.kind.twists(q, hold.dimensions), a[:3, :3])
         else:

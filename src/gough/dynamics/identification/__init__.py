@@ -1,1 +1,1 @@
-"""Identification: the parameters a dynamic model is linear in, motions that show them, estimates."""
+"""Identification: what a dynamic model is linear in, motions that show it, estimates."""

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import svd
 
 from gough.dynamics.identification.exact import exact_changes
 from gough.dynamics.identification.parameters import MOMENTS, MOTOR, Parameters
@@ -28,6 +29,13 @@ PIVOT = 1e-3
 would make large factors."""
 REACH = (0.1, 0.8)
 """Range of the length of the walks to random states; see `Assembler.wander`."""
+LONG = 12
+"""Walks before the next one sets out from home again."""
+OBEYED, FAST = 1e-9, 1e4
+"""Part of the rates that may break a closure, and rates for those of y of size 1 beyond which a
+configuration is too near to a singularity; guesses."""
+CLEAR = 1e4
+"""A smaller gap makes the number of base parameters a matter of opinion."""
 SPARE = 3
 """Rows of the sampled regressor for each parameter."""
 NOTHING, EXACT = 1e-9, 1e-9
@@ -71,7 +79,7 @@ class BaseParameters:
     `sampled` where no single joint but the motion of the whole makes a change disappear: parallel
     axes, gravity that always points the same way."""
     transfer_residual: float
-    """Largest effect of an exact transfer in the sampled regressor, relative: 0 but for rounding."""
+    """Largest effect of an exact transfer at the states, relative: 0 but for rounding."""
 
     def __len__(self) -> int:
         return self.rank
@@ -104,6 +112,8 @@ class BaseParameters:
             f"(gap {self.gap:.1e} at {self.states} states)",
             _counts(self),
         ]
+        if self.gap < CLEAR:
+            lines.append("the gap is small: how many there are is a matter of opinion")
         width = max((len(f"{x:.6g}") for x in self.values), default=0)
         for value, unit, text in zip(self.values, self.units, self.formulas, strict=True):
             lines.append(f"  {value:>{width}.6g} {unit:6}  {text}")
@@ -191,20 +201,46 @@ def random_states(regressor: Regressor, seed: int, count: int | None = None) -> 
     rng, model, dynamics = np.random.default_rng(seed), regressor.model, regressor.dynamics
     assembler, y = dynamics.assembler, list(model.independent)
     wanted = count or (SPARE * len(regressor.parameters)) // max(len(y), 1) + 10
-    found = []
-    for _ in range(4 * wanted):
-        q = assembler.wander(dynamics.home, rng, rng.uniform(*REACH))
-        if q is not None:
-            found.append(q)
-        if len(found) == wanted:
-            break
-    if not found:
+    found = _walked(regressor, rng, wanted)
+    if not len(found):
         name = dynamics.structure.mechanism.name
         raise ConfigurationError(f"{name} does not move from its home, so that no motion tells")
     time = np.sqrt(assembler.length / 9.81)
     scale, shape = assembler.rate_scale[y], (len(found), len(y))
     rates, changes = rng.normal(size=shape), rng.normal(size=shape)
-    return States(np.array(found), rates * scale / time, changes * scale / time**2)
+    return States(found, rates * scale / time, changes * scale / time**2)
+
+
+def _walked(regressor: Regressor, rng: np.random.Generator, wanted: int) -> Array:
+    """Closed configurations on walks that set out from home, each on from the one before.
+
+    Those where the model's rates break the closures are left out: what it takes for constant does
+    not hold beyond a singularity.
+    """
+    assembler, home = regressor.dynamics.assembler, regressor.dynamics.home
+    found, q = [], home
+    for k in range(2 * wanted):
+        start = home if k % LONG == 0 else q
+        other = assembler.wander(start, rng, rng.uniform(*REACH))
+        q = home if other is None else other
+        if other is not None:
+            found.append(other)
+    walked = np.array(found).reshape(-1, len(home))
+    return walked[_obeys(regressor, walked, rng)][:wanted] if len(walked) else walked
+
+
+def _obeys(regressor: Regressor, q: Array, rng: np.random.Generator) -> NDArray[np.bool_]:
+    """Where rates by the model are rates of the closures, and no singularity is near."""
+    model, assembler = regressor.model, regressor.dynamics.assembler
+    take = (q, assembler.p) if assembler.p.size else (q,)
+    y = list(model.independent)
+    rates = rng.normal(size=(len(q), len(y))) * assembler.rate_scale[y]
+    v = model.kernel("rates", "q")(*take, rates)
+    E = model.models.jacobian(q, assembler.p) * assembler.row_scale[:, None]
+    broken = np.abs(np.einsum("rij,rj->ri", E, v)).max(axis=1, initial=0.0)
+    size = np.abs(v / assembler.rate_scale).max(axis=1, initial=0.0)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((broken < OBEYED * size) & (size < FAST))
 
 
 def _scaled_rows(regressor: Regressor, states: States) -> Array:
@@ -223,7 +259,8 @@ def _null_space(Y: Array) -> tuple[Array, float]:
     """Orthonormal changes without effect, (parameters, changes), and how clear their number is."""
     count = Y.shape[1]
     Y = np.vstack([Y, np.zeros((max(count - len(Y), 0), count))])
-    _, s, Vt = np.linalg.svd(Y, full_matrices=False)
+    # numpy's divide and conquer does not converge for some of these
+    _, s, Vt = svd(np.linalg.qr(Y, mode="r"), lapack_driver="gesvd")
     rank = int(np.sum(s > THRESHOLD * s[0])) if s.size and s[0] > 0 else 0
     gap = np.inf
     if 0 < rank < count and s[rank] > 0:

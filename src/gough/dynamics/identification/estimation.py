@@ -49,9 +49,10 @@ class Estimate:
     """Base parameters of the description, (base,)."""
     channels: tuple[str, ...]
     noise: Array
-    """Standard deviation of the noise of each channel, given or estimated, (channels,)."""
+    """Standard deviation of the noise of each channel, given or estimated, (channels,); 1 for the
+    shares of redundant motors whose noise is given, which are measured in it."""
     residual: Array
-    """Root mean square of what is left of each channel, (channels,), N and N m."""
+    """Root mean square of what is left of each channel, (channels,), N and N m, or such shares."""
     relative_residual: float
     """Norm of what is left over the norm of what was measured."""
     condition: float

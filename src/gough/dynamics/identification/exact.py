@@ -37,7 +37,7 @@ def exact_changes(regressor: Regressor) -> Array | None:
     if not null.size:
         return np.zeros((count, 0))
     U, s, _ = np.linalg.svd(null.T, full_matrices=False)
-    return scale[:, None] * U[:, s > SAME]
+    return np.asarray(scale[:, None] * U[:, s > SAME])
 
 
 def _placed(regressor: Regressor, transfers: Transfers) -> Array | None:

@@ -34,10 +34,10 @@ Array = NDArray[np.float64]
 
 TINY = 1e-12
 """Eigenvalues of a scaled pseudo-inertia may be this far below 0, by rounding."""
-PROJECTIONS = 4000
+PROJECTIONS = 2000
 """Pairs of projections before it is given up."""
 MARGIN = 1e-6
-"""Eigenvalues that are asked for, in parts of a typical mass, of bodies that are changed."""
+"""Scaled eigenvalues that are aimed at for bodies with mass: inside, so that the way there ends."""
 MASSLESS = 1e-12
 """A smaller part of a typical mass is none."""
 
@@ -64,13 +64,12 @@ def full_parameters(parameters: Parameters, base: BaseParameters, values: Array)
 
     Changes are measured in typical sizes: min |(φ - φ_described) / size|, matrix φ = values.
     """
-    return parameters.values + _least(parameters, base, values - base.values)
+    return np.asarray(parameters.values + _least(parameters, base) @ (values - base.values))
 
 
-def _least(parameters: Parameters, base: BaseParameters, missing: Array) -> Array:
-    scaled = base.matrix * parameters.scale
-    change = np.linalg.lstsq(scaled, missing, rcond=None)[0]
-    return np.asarray(parameters.scale * change)
+def _least(parameters: Parameters, base: BaseParameters) -> Array:
+    """Least changes of all parameters for changes of base parameters, (all, base)."""
+    return np.asarray(parameters.scale[:, None] * np.linalg.pinv(base.matrix * parameters.scale))
 
 
 def possible_parameters(parameters: Parameters, base: BaseParameters, values: Array) -> Array:
@@ -82,13 +81,13 @@ def possible_parameters(parameters: Parameters, base: BaseParameters, values: Ar
     nearest = full_parameters(parameters, base, values)
     if not _impossible(parameters, nearest):
         return nearest
-    found, rest = nearest.copy(), np.zeros(parameters.inertial)
+    least, found, rest = _least(parameters, base), nearest.copy(), np.zeros(parameters.inertial)
     for _ in range(PROJECTIONS):
         pushed = found.copy()
         pushed[: parameters.inertial] += rest
         inside = _projected(parameters, pushed)
         rest = pushed[: parameters.inertial] - inside[: parameters.inertial]
-        found = inside + _least(parameters, base, values - base.of(inside))
+        found = inside + least @ (values - base.of(inside))
         if not _impossible(parameters, found):
             return found
     raise ImpossibleParameters(_impossible(parameters, nearest), nearest)
@@ -98,19 +97,27 @@ def possible_parameters(parameters: Parameters, base: BaseParameters, values: Ar
 
 
 def pseudo_inertia(ten: Array) -> Array:
-    """P of ten numbers, (4, 4)."""
+    """P of ten numbers, (*batch, 4, 4)."""
     J = tensor_of(ten)
-    P = np.zeros((4, 4))
-    P[:3, :3] = 0.5 * np.trace(J) * np.eye(3) - J
-    P[:3, 3] = P[3, :3] = ten[1:4]
-    P[3, 3] = ten[0]
+    P = np.zeros((*ten.shape[:-1], 4, 4))
+    P[..., :3, :3] = _spread(J)
+    P[..., :3, 3] = P[..., 3, :3] = ten[..., 1:4]
+    P[..., 3, 3] = ten[..., 0]
     return P
 
 
+def _spread(J: Array) -> Array:
+    """Σ = ½ tr(J) 1 - J."""
+    half = 0.5 * np.trace(J, axis1=-2, axis2=-1)[..., None, None]
+    return np.asarray(half * np.eye(3) - J)
+
+
 def _ten(P: Array) -> Array:
-    """The ten numbers of a pseudo-inertia: J = tr(Σ) 1 - Σ."""
-    J = np.trace(P[:3, :3]) * np.eye(3) - P[:3, :3]
-    return np.array([P[3, 3], *P[:3, 3], *(J[i, k] for i, k in ENTRIES)])
+    """The ten numbers of pseudo-inertias: J = tr(Σ) 1 - Σ."""
+    spread = P[..., :3, :3]
+    J = np.trace(spread, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - spread
+    entries = np.stack([J[..., i, k] for i, k in ENTRIES], axis=-1)
+    return np.concatenate([P[..., 3, 3:], P[..., :3, 3], entries], axis=-1)
 
 
 def _scaled(parameters: Parameters, values: Array) -> tuple[Array, Array]:
@@ -125,13 +132,10 @@ def _projected(parameters: Parameters, values: Array) -> Array:
     scaled, size = _scaled(parameters, values)
     described, _ = _scaled(parameters, parameters.values)
     found = values.copy()
-    tens = []
-    for ten, own in zip(scaled, described, strict=True):
-        least = MARGIN if np.linalg.eigvalsh(pseudo_inertia(own))[0] > MARGIN else 0.0
-        eigenvalues, vectors = np.linalg.eigh(pseudo_inertia(ten))
-        P = (vectors * np.maximum(eigenvalues, least)) @ vectors.T
-        tens.append(_ten(P))
-    found[: parameters.inertial] = (np.array(tens).reshape(size.shape) * size).ravel()
+    least = np.where(described.any(axis=1), MARGIN, 0.0)[:, None]
+    eigenvalues, vectors = np.linalg.eigh(pseudo_inertia(scaled))
+    P = (vectors * np.maximum(eigenvalues, least)[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+    found[: parameters.inertial] = (_ten(P) * size).ravel()
     rotors = slice(parameters.inertial, parameters.inertial + len(parameters.motors))
     found[rotors] = np.maximum(found[rotors], 0.0)
     return found
@@ -140,11 +144,8 @@ def _projected(parameters: Parameters, values: Array) -> Array:
 def _impossible(parameters: Parameters, values: Array) -> list[str]:
     """Bodies and motors that can not have these parameters."""
     scaled, _ = _scaled(parameters, values)
-    found = [
-        body
-        for body, ten in zip(parameters.bodies, scaled, strict=True)
-        if np.linalg.eigvalsh(pseudo_inertia(ten))[0] < -TINY
-    ]
+    least = np.linalg.eigvalsh(pseudo_inertia(scaled))[:, 0]
+    found = [body for body, x in zip(parameters.bodies, least, strict=True) if x < -TINY]
     rotors = values[parameters.inertial : parameters.inertial + len(parameters.motors)]
     sizes = parameters.scale[parameters.inertial :]
     for motor, x, size in zip(parameters.motors, rotors, sizes, strict=False):
@@ -194,14 +195,12 @@ def _with_inertia(body: Body, ten: Array, typical: float) -> Body:
     central = ten - ten_numbers(mass, com, np.zeros((3, 3)))
     J = _central(tensor_of(central))
     entries = tuple(float(J[i, k]) for i, k in ENTRIES)
-    return body.model_copy(
-        update={"mass": mass, "com": tuple(com.tolist()), "inertia": entries}
-    )
+    return body.model_copy(update={"mass": mass, "com": tuple(com.tolist()), "inertia": entries})
 
 
 def _central(J: Array) -> Array:
     """An inertia at the centre of mass without what rounding puts below what is possible."""
-    eigenvalues, vectors = np.linalg.eigh(0.5 * np.trace(J) * np.eye(3) - J)
+    eigenvalues, vectors = np.linalg.eigh(_spread(J))
     spread = (vectors * np.maximum(eigenvalues, 0.0)) @ vectors.T
     return np.asarray(np.trace(spread) * np.eye(3) - spread)
 

@@ -178,8 +178,8 @@ def ten_numbers(mass: float, com: Array, central: Array) -> Array:
 
 
 def tensor_of(ten: Array) -> Array:
-    """The inertia about the origin as a matrix, (3, 3)."""
-    tensor = np.zeros((3, 3))
-    for (i, k), x in zip(ENTRIES, ten[4:], strict=True):
-        tensor[i, k] = tensor[k, i] = x
+    """The inertia about the origin as a matrix, (*batch, 3, 3)."""
+    tensor = np.zeros((*ten.shape[:-1], 3, 3))
+    for n, (i, k) in enumerate(ENTRIES):
+        tensor[..., i, k] = tensor[..., k, i] = ten[..., 4 + n]
     return tensor

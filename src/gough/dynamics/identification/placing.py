@@ -83,6 +83,7 @@ class PlatformPlacing(Placing):
             self.centre = np.concatenate([self.whole[:start], np.zeros(3), tail])
 
     def motion(self, s: Array, sd: Array, sdd: Array) -> Motion:
+        """The motion with these coordinates, of a pose with its twists."""
         x, xd, xdd = self._operational(s, sd, sdd)
         try:
             return Motion(x, xd, xdd, self._regressor.states(x, xd, xdd), 0.0)
@@ -95,7 +96,9 @@ class PlatformPlacing(Placing):
             return value, sd, sdd
         start = self._quaternion.start
         part = slice(start, start + 3)
-        q, omega, alpha = turned(s[:, part], sd[:, part], sdd[:, part], self.whole[self._quaternion])
+        q, omega, alpha = turned(
+            s[:, part], sd[:, part], sdd[:, part], self.whole[self._quaternion]
+        )
         xd, xdd = sd.copy(), sdd.copy()
         xd[:, part], xdd[:, part] = omega, alpha
         return np.hstack([value[:, :start], q, value[:, start + 3 :]]), xd, xdd
@@ -127,6 +130,7 @@ class JointPlacing(Placing):
         self._held = np.isin(np.arange(len(structure.variables)), regressor.model.independent)
 
     def motion(self, s: Array, sd: Array, sdd: Array) -> Motion:
+        """The motion with these positions, closed row by row."""
         x = self.centre + s
         found = self._followed(x)
         states = States(found, sd, sdd) if len(found) == len(x) else None

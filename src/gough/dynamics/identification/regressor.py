@@ -9,7 +9,7 @@ What can be compared with measured efforts τ depends on the motors:
 
 - as many as y: the efforts themselves, J⁻ᵀ times all that;
 - more: with J = Q R, the efforts Qᵀ τ that the model determines, R⁻ᵀ times it; what is left of τ
-  only tightens the mechanism;
+  only tightens the mechanism. With noise σ of the motors, σ J = Q R and Qᵀ τ/σ;
 - fewer (a floating base): the forces along y as they are, Jᵀ τ.
 """
 
@@ -182,9 +182,9 @@ class Regressor:
         if self.form == "forces":
             return W
         if self.form == "efforts":
-            return np.linalg.solve(np.swapaxes(self.jacobian(states), 1, 2), W)
+            return np.asarray(np.linalg.solve(np.swapaxes(self.jacobian(states), 1, 2), W))
         _, R = self._shares(states, noise)
-        return np.linalg.solve(np.swapaxes(R, 1, 2), W)
+        return np.asarray(np.linalg.solve(np.swapaxes(R, 1, 2), W))
 
     def measured(self, states: States, efforts: Array, noise: Array | None = None) -> Array:
         """Measured efforts as rows of the regressor, (rows, channels).
@@ -197,20 +197,21 @@ class Regressor:
         if self.form == "efforts":
             return efforts
         if self.form == "forces":
-            return np.einsum("rmi,rm->ri", self.jacobian(states), efforts)
+            return np.asarray(np.einsum("rmi,rm->ri", self.jacobian(states), efforts))
         Q, _ = self._shares(states, noise)
         weight = 1.0 if noise is None else 1 / noise
-        return np.einsum("rmi,rm->ri", Q, weight * efforts)
+        return np.asarray(np.einsum("rmi,rm->ri", Q, weight * efforts))
 
     def _shares(self, states: States, noise: Array | None) -> tuple[Array, Array]:
         J = self.jacobian(states)
-        return np.linalg.qr(J if noise is None else J / noise[:, None])  # type: ignore[return-value]
+        Q, R = np.linalg.qr(J if noise is None else J * noise[:, None])
+        return Q, R
 
     def efforts(self, states: States, values: Array) -> Array:
         """Efforts of the motors for all parameters, the smallest ones, (rows, motors)."""
         W = self.along_rates(states) @ values
         along = np.swapaxes(self.jacobian(states), 1, 2)
-        return (np.linalg.pinv(along) @ W[..., None])[..., 0]
+        return np.asarray((np.linalg.pinv(along) @ W[..., None])[..., 0])
 
 
 def on_node(ten: Sequence[Scalar], R: al.Matrix, t: Vector) -> Inertia:

@@ -51,9 +51,7 @@ def fitted(coefficients: Array, low: Array, high: Array) -> tuple[Array, Array]:
 # rotations
 
 
-def turned(
-    r: Array, rd: Array, rdd: Array, quaternion_wxyz: Array
-) -> tuple[Array, Array, Array]:
+def turned(r: Array, rd: Array, rdd: Array, quaternion_wxyz: Array) -> tuple[Array, Array, Array]:
     """The rotation exp(r) after a constant one, its angular velocity and acceleration.
 
     In axes that do not turn, with A = (1 - cos θ)/θ², B = (θ - sin θ)/θ³ and θ = |r|:

@@ -260,8 +260,8 @@ def exciting_trajectory(
     first = starts[0][1]
     before = search.judged(first.coefficients, first.offsets, time).condition
     assert search.best is not None
-    found = _kept_everywhere(search, search.best, time)
-    motion = search.motion(found.coefficients, found.offsets, time)
+    best = _kept_everywhere(search, search.best, time)
+    motion = search.motion(best.coefficients, best.offsets, time)
     assert motion.states is not None
     return ExcitingTrajectory(
         regressor.space,
@@ -272,11 +272,11 @@ def exciting_trajectory(
         motion.xdd,
         motion.states,
         frequency,
-        found.coefficients,
-        placing.centre + found.offsets,
-        found.condition,
+        best.coefficients,
+        placing.centre + best.offsets,
+        best.condition,
         before,
-        found.use,
+        best.use,
         search.evaluations,
         ending,
         seed,
@@ -302,7 +302,7 @@ def condition_of(regressor: Regressor, base: BaseParameters, states: States) -> 
     size = np.linalg.norm(Y, axis=0)
     if np.any(size == 0):
         return np.inf
-    s = np.linalg.svd(Y / size, compute_uv=False)
+    s = np.linalg.svd(np.linalg.qr(Y / size, mode="r"), compute_uv=False)
     return float(s[0] / s[-1]) if s[-1] > 0 else np.inf
 
 

@@ -475,7 +475,13 @@ def _distance(variable: int, along: SX, at: SX, fixed: SX) -> Way:
         plain = a.is_one() and casadi.dot(at, at).is_zero()
         sides = (fixed[0], fixed[1], fixed[2]) if plain else None
         return Way(variable, (root, -root), 2, (k,), a, sides)
-    root = casadi.sqrt(b * b - a * k)
+    unit = [i for i in range(3) if along[i].is_one()]
+    if len(unit) == 1 and a.is_one():  # along an axis: what lies across it does not change
+        across = [at[i] for i in range(3) if i != unit[0]]
+        k = casadi.dot(fixed, fixed) - casadi.sumsqr(casadi.vertcat(*across))
+        root = casadi.sqrt(k)
+    else:
+        root = casadi.sqrt(b * b - a * k)
     return Way(variable, ((root - b) / a, (-root - b) / a), 3, (k, b), a)
 
 

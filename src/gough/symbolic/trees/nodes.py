@@ -53,7 +53,7 @@ class Inertia:
         return not all(map(_zero, self.moment))
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class Node:
     """A frame of the tree and the single motion that carries it; numbers in class axes."""
 
@@ -132,6 +132,29 @@ class End:
     node: Node
     axes: Matrix
     point: Vector
+
+
+def outermost(node: Node, p: Vector) -> tuple[Node, Vector]:
+    """A point on the node nearest to the root that it is fixed to.
+
+    Points on the axis of a turn, and the centre of a ball, belong to what carries them too.
+    """
+    while node.parent is not None and _carries(node, p):
+        p = al.plus(node.arm, al.turn(node.joint_axes, al.turn(al.transpose(node.to_class), p)))
+        node = node.parent
+    return node, p
+
+
+def _carries(node: Node, p: Vector) -> bool:
+    """Whether the parent of a node carries a point of it."""
+    if node.kind == "rest":
+        return True
+    if node.kind == "ball":
+        return all(map(_zero, p))
+    if node.kind != "turn":
+        return False
+    across = al.cross(node.unit, p)
+    return all(al.is_number(x) and abs(x) < EXACT for x in across)
 
 
 class Tree:

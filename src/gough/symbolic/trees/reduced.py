@@ -348,16 +348,28 @@ class Reduced:
         columns = [self._each(self._motions({k: 1.0}), False) for k in self.selection.given]
         return [list(row) for row in zip(*columns, strict=True)]
 
-    @cached_property
-    def regularity(self) -> Scalar:
-        """The smallest determinant of a block over its typical size: 0 where rates are lost."""
-        found: Scalar = None
+    def regularity(self, results: Sequence[Scalar]) -> Scalar:
+        """The smallest determinant of a block over its typical size: 0 where rates are lost.
+
+        Blocks that results do not need do not count: rates of a passive joint that carries no
+        inertia may well be lost.
+        """
+        found: Scalar = 1.0
+        column = [SX(x) for x in results if not al.is_number(x)]
+        before = _instructions(column)
         for factors, typical in zip(self._factors, self.selection.typical, strict=True):
-            if al.is_number(factors.determinant):
+            determinant = factors.determinant
+            if al.is_number(determinant) or _instructions([*column, determinant]) > before + 1:
                 continue
-            size = casadi.fabs(factors.determinant) * (1.0 / typical)
-            found = size if found is None else casadi.fmin(found, size)
-        return 1.0 if found is None else found
+            size = casadi.fabs(determinant) * (1.0 / typical)
+            found = size if al.is_number(found) else casadi.fmin(found, size)
+        return found
+
+
+def _instructions(column: Sequence[SX]) -> int:
+    """Instructions of some expressions; what they share counts once."""
+    whole = casadi.vertcat(*column, SX(0, 1))
+    return int(casadi.Function("count", casadi.symvar(whole), [whole]).n_instructions())
 
 
 def _zero(x: Scalar) -> bool:

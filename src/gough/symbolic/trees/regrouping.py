@@ -12,7 +12,7 @@ from scipy.optimize import linprog
 from gough import algebra as al
 from gough.algebra import Vector
 from gough.symbolic.trees.frames import Frames
-from gough.symbolic.trees.nodes import Inertia, Node, Tree, evaluated
+from gough.symbolic.trees.nodes import Inertia, Node, Tree, evaluated, outermost
 from gough.symbolic.trees.ties import ties
 from gough.symbolic.trees.transfers import (
     NUMBERS,
@@ -21,7 +21,6 @@ from gough.symbolic.trees.transfers import (
     each_node,
     from_vector,
     mass_at,
-    numbers,
 )
 
 Array = NDArray[np.float64]
@@ -205,7 +204,7 @@ def _with_pairs(points: _Points, inertia: dict[int, Inertia], given: set[int]) -
 
 def _pairs_of(points: _Points, node: Node, body: Inertia) -> Iterator[Pair]:
     """Ways to see a body as its origin, on the outermost node that has it, and a closing point."""
-    start, p = _outermost(node)
+    start, p = outermost(node, al.ZERO)
     small = SAME * points.tree.samples.length
     origin, moment = points.track(start, p), np.array(body.moment, dtype=float)
     for tie in points.ties:
@@ -220,14 +219,3 @@ def _pairs_of(points: _Points, node: Node, body: Inertia) -> Iterator[Pair]:
                 moment
             ):
                 yield Pair(start, p, end.node, end.point, float(moment @ r / (r @ r)))
-
-
-def _outermost(node: Node) -> tuple[Node, Vector]:
-    """The node nearest to the root to which the origin of a node is fixed, and the point there."""
-    p: Vector = al.ZERO
-    while node.kind != "slide" and node.parent is not None:
-        if numbers(node.arm) is None or (any(p) and node.kind != "rest"):
-            break
-        p = al.plus(node.arm, al.turn(node.joint_axes, al.turn(al.transpose(node.to_class), p)))
-        node = node.parent
-    return node, p

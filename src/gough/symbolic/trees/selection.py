@@ -20,7 +20,7 @@ from gough.symbolic.plans import Block, Kind, components, triangular
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion
 from gough.symbolic.trees.nodes import Node, Tree, evaluated
-from gough.symbolic.trees.ties import Rows, Tie, ties
+from gough.symbolic.trees.ties import Rows, Tie, distances, ties
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -110,7 +110,7 @@ class Selector:
     def _options(self) -> list[list[Written]]:
         """Every tie in the axes of every class, the sparsest first."""
         found = []
-        for tie in ties(self.tree):
+        for tie in [*distances(self.tree, self.frames), *ties(self.tree)]:
             written = [self._write(tie, axes) for axes in tie.classes]
             written = [w for w in written if w.pattern[:, self.unknown].any()]
             written.sort(key=lambda w: int((w.pattern[:, self.unknown].sum(axis=1) ** 2).sum()))

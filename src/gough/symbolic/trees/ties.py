@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from gough import algebra as al
 from gough.algebra import Scalar, Vector
 from gough.description.values import scalar
@@ -18,7 +20,11 @@ from gough.joints.base import Dimensions, Hold
 from gough.joints.constraints import CONSTRAINTS
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion, Twisted
-from gough.symbolic.trees.nodes import End, Node, Tree
+from gough.symbolic.trees.nodes import End, Node, Tree, evaluated, outermost
+
+
+NEVER = 1e-10
+"""Distances that change by less, in characteristic lengths, are constant; a guess."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +32,14 @@ class Tie:
     """One word of one closing."""
 
     closing: str
-    word: Hold | Literal["coupling"]
+    word: Hold | Literal["coupling", "distance"]
     a: End
     b: End
     common: Node
     """The nearest common node: the rows see the motion relative to it."""
     dimensions: Dimensions
+    ends: tuple[End, End]
+    """The frames on the bodies themselves; of a point, a and b are where it is fixed to first."""
     terms: tuple[tuple[int, Scalar], ...] = ()
     """Of a coupling: variables and factors."""
 
@@ -43,6 +51,8 @@ class Tie:
     @property
     def classes(self) -> list[Node]:
         """Classes in whose axes rows may be written."""
+        if self.word == "distance":
+            return [self.common.frame]
         found = [end.node.frame for end in (self.a, self.b)]
         if self.word in ("point", "orientation"):
             for end in (self.a, self.b):
@@ -58,12 +68,46 @@ def ties(tree: Tree) -> list[Tie]:
     found = []
     for closing in tree.closure.structure.closings:
         a, b = tree.end(closing, 0), tree.end(closing, 1)
-        right = list(b.node.ancestors())
-        common = next(node for node in a.node.ancestors() if node in right)
         kind = TYPES[closing.type] if closing.kind == "joint" else CONSTRAINTS[closing.type]
         dimensions = tree.closure.dimensions(closing)
-        found += [Tie(closing.name, word, a, b, common, dimensions) for word in kind.holds]
+        for word in kind.holds:
+            ends = (_centre(a), _centre(b)) if word == "point" else (a, b)
+            found.append(Tie(closing.name, word, *ends, _common(*ends), dimensions, (a, b)))
     return found + _couplings(tree)
+
+
+def _centre(end: End) -> End:
+    """The origin of a frame, on the node nearest to the root that it is fixed to, without axes."""
+    node, p = outermost(end.node, end.point)
+    return End(node, al.IDENTITY, p)
+
+
+def distances(tree: Tree, frames: Frames) -> list[Tie]:
+    """Distances between a closing point and points of its leg that are the same at every sample.
+
+    Such a row leaves out all that turns between the two points.
+    """
+    samples, found = tree.samples, []
+    for tie in ties(tree) if samples.telling else []:
+        for own, other in ((tie.a, tie.b), (tie.b, tie.a)):
+            line = list(own.node.ancestors())
+            line = line[: line.index(tie.common)] if tie.word == "point" else []
+            starts = {outermost(node, al.ZERO) for node in line}
+            for node, p in starts:
+                offset = frames.between(node, p, other.node, other.point, tree.root)
+                x = evaluated(tree.closure, samples, offset)
+                size = np.linalg.norm(x, axis=1)
+                moves = np.ptp(x, axis=0).max() > NEVER * samples.length
+                if moves and np.ptp(size) < NEVER * samples.length and other.node is not node:
+                    ends = End(node, al.IDENTITY, p), other
+                    found.append(Tie(tie.closing, "distance", *ends, _common(*ends), {}, ends))
+    return found
+
+
+def _common(a: End, b: End) -> Node:
+    """The nearest node that carries both ends."""
+    right = list(b.node.ancestors())
+    return next(node for node in a.node.ancestors() if node in right)
 
 
 def _couplings(tree: Tree) -> list[Tie]:
@@ -75,7 +119,7 @@ def _couplings(tree: Tree) -> list[Tie]:
             (index[joint], scalar(factor, tree.closure.values))
             for joint, factor in coupling.terms.items()
         )
-        found.append(Tie(name, "coupling", here, here, tree.root, {}, terms))
+        found.append(Tie(name, "coupling", here, here, tree.root, {}, (here, here), terms))
     return found
 
 
@@ -184,6 +228,10 @@ def _spin_rate(motion: Motion, node: Node) -> Twisted:
 # velocities
 
 
+def _distance_velocity(view: _View) -> list[Scalar]:
+    return [al.dot(view.offset, view.closing_velocity())]
+
+
 def _axis_velocity(view: _View) -> list[Scalar]:
     return [al.dot(n, view.relative_spin) for n in view.normals()]
 
@@ -193,8 +241,7 @@ def _line_velocity(view: _View) -> list[Scalar]:
 
 
 def _circle_velocity(view: _View) -> list[Scalar]:
-    level = al.dot(view.axis(2), view.slip())
-    return [al.dot(view.offset, view.closing_velocity()), level]
+    return [*_distance_velocity(view), al.dot(view.axis(2), view.slip())]
 
 
 def _crossed_velocity(view: _View) -> list[Scalar]:
@@ -233,6 +280,7 @@ _VELOCITY: Mapping[str, Callable[[_View], list[Scalar]]] = {
     "crossed": _crossed_velocity,
     "advance": _advance_velocity,
     "coupling": _coupling_velocity,
+    "distance": _distance_velocity,
 }
 
 # accelerations
@@ -250,11 +298,14 @@ def _line_acceleration(view: _View) -> list[Scalar]:
     return [al.dot(view.axis(k), view.slip_rate()) for k in (0, 1)]
 
 
-def _circle_acceleration(view: _View) -> list[Scalar]:
+def _distance_acceleration(view: _View) -> list[Scalar]:
     """(e·v)˙ = e·a + v·v."""
     v = view.closing_velocity()
-    round_ = al.add(al.dot(view.offset, view.closing_acceleration()), al.dot(v, v))
-    return [round_, al.dot(view.axis(2), view.slip_rate())]
+    return [al.add(al.dot(view.offset, view.closing_acceleration()), al.dot(v, v))]
+
+
+def _circle_acceleration(view: _View) -> list[Scalar]:
+    return [*_distance_acceleration(view), al.dot(view.axis(2), view.slip_rate())]
 
 
 def _crossed_acceleration(view: _View) -> list[Scalar]:
@@ -282,4 +333,5 @@ _ACCELERATION: Mapping[str, Callable[[_View], list[Scalar]]] = {
     "crossed": _crossed_acceleration,
     "advance": _advance_acceleration,
     "coupling": _coupling_acceleration,
+    "distance": _distance_acceleration,
 }

@@ -112,11 +112,15 @@ class Transfers:
 
     def _at_closing(self, tie: Tie) -> None:
         """Between the two bodies that a closing joins."""
-        a, b = tie.a, tie.b
-        p, q = numbers(a.point), numbers(b.point)
-        if tie.word != "point" or p is None or q is None:
+        if tie.word != "point":
             return
-        self._add((a.node, mass_at(p), 1), (b.node, mass_at(q), -1))
+        p, q = numbers(tie.a.point), numbers(tie.b.point)
+        if p is not None and q is not None:
+            self._add((tie.a.node, mass_at(p), 1), (tie.b.node, mass_at(q), -1))
+        a, b = tie.ends
+        p, q = numbers(a.point), numbers(b.point)
+        if p is None or q is None:
+            return
         if a.node.frame is b.node.frame:
             for axis in al.IDENTITY:
                 self._add((a.node, moment_at(p, axis), 1), (b.node, moment_at(q, axis), -1))
@@ -125,7 +129,7 @@ class Transfers:
 
     def _common_axis(self, tie: Tie) -> tuple[al.Vector, al.Vector] | None:
         """The only axis that two bodies turn about each other, in the axes of either."""
-        a, b = tie.a, tie.b
+        a, b = tie.ends
         words = {other.word for other in self._ties if other.closing == tie.closing}
         if "axis" in words:
             found = (al.column(end.axes, 2) for end in (a, b))
