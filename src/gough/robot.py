@@ -26,7 +26,11 @@ from gough.topology import Modelling, Role, Structure
 if TYPE_CHECKING:
     import xarray
 
+    from gough.dynamics.check import DynamicsCheck
+    from gough.dynamics.contributions import Contributions, LegContributions
+    from gough.dynamics.derivatives import Differentiated
     from gough.dynamics.dynamics import Dynamics, Wrench
+    from gough.dynamics.reactions import JointForces, Reactions
     from gough.geometry.assembly_modes import AssemblyModes
     from gough.geometry.direct import DirectGeometry
     from gough.geometry.direct_problem import DirectProblem
@@ -326,6 +330,68 @@ class Robot:
         inverse = self._inverse if outputs else None
         return Dynamics(self.models, self.assembler, self.home.q, inverse, self.kinematics)
 
+    @cached_property
+    def _contributions(self) -> Contributions:
+        from gough.dynamics.contributions import Contributions
+
+        return Contributions(self.dynamics)
+
+    def leg_contributions(
+        self, x: ArrayLike, xd: ArrayLike, xdd: ArrayLike, gravity: ArrayLike | None = None
+    ) -> LegContributions:
+        """What each leg and the platform add to the robot's inertia and forces, along ẋ.
+
+        Their sums are `mass_matrix` and the forces of `inverse_dynamics`; arguments as there.
+
+        Raises:
+            ConfigurationError: there is no platform, or an argument has the wrong shape.
+            SingularError: a row is out of reach.
+        """
+        return self._contributions.at(x, xd, xdd, gravity)
+
+    @cached_property
+    def _joint_forces(self) -> JointForces:
+        from gough.dynamics.reactions import JointForces
+
+        return JointForces(self.dynamics)
+
+    def reaction(
+        self,
+        x: ArrayLike,
+        xd: ArrayLike,
+        xdd: ArrayLike | None = None,
+        efforts: ArrayLike | None = None,
+        wrench: Wrench = None,
+        gravity: ArrayLike | None = None,
+    ) -> Reactions:
+        """The wrench that every joint passes on, and which parts of it equilibrium determines.
+
+        Args:
+            x: operational coordinates, (n,).
+            xd: their rates, (outputs,).
+            xdd: their accelerations; those that the efforts make by default.
+            efforts: of the motors; those that the motion takes by default.
+            wrench: as for `inverse_dynamics`.
+            gravity: as for `inverse_dynamics`.
+
+        Raises:
+            ConfigurationError: accelerations and efforts contradict each other, or neither is
+                given.
+            SingularError: the pose is out of reach or singular.
+        """
+        return self._joint_forces.at(x, xd, xdd, efforts, "platform", wrench, gravity)
+
+    def check_dynamics(self, states: int = 20, seed: int = 0) -> DynamicsCheck:
+        """Compare the models with Lagrange's equations and with laws, at random closed states.
+
+        Args:
+            states: how many.
+            seed: of the states.
+        """
+        from gough.dynamics.check import check_dynamics
+
+        return check_dynamics(self.dynamics, states, seed)
+
     def inverse_dynamics(
         self,
         x: ArrayLike,
@@ -449,6 +515,13 @@ class Robot:
         """Accelerations of the independent variables, (*batch, independent)."""
         found = self.dynamics.direct_joint(q, v, tau, wrench, gravity)
         return self.dynamics.require(found).accelerations
+
+    @cached_property
+    def dynamics_derivatives(self) -> Differentiated:
+        """Derivatives of inverse and direct dynamics by state, input and live parameters."""
+        from gough.dynamics.derivatives import Differentiated
+
+        return Differentiated(self.dynamics)
 
     # programs
 

@@ -113,7 +113,10 @@ class Dynamics:
         if self._quick_inverse is None:
             return None
         kernel, p = self._quick_inverse
-        found = kernel(x, *p, xd, xdd)
+        try:
+            found = kernel(x, *p, xd, xdd)
+        except (TypeError, ValueError):
+            return None
         if found.ndim == 1:
             return found[:-1] if found[-1] >= LIMIT else None
         return found[..., :-1] if np.all(found[..., -1] >= LIMIT) else None
@@ -123,7 +126,10 @@ class Dynamics:
         if self._quick_direct is None:
             return None
         kernel, p = self._quick_direct
-        found = kernel(x, *p, xd, tau)
+        try:
+            found = kernel(x, *p, xd, tau)
+        except (TypeError, ValueError):
+            return None
         if found.ndim == 1:
             return found[:-1] if found[-1] >= LIMIT else None
         return found[..., :-1] if np.all(found[..., -1] >= LIMIT) else None
@@ -401,6 +407,20 @@ class Dynamics:
         """J with q̇_a = J y: efforts τ give the forces Jᵀ τ, (*batch, motors, independent)."""
         state = self._state(space, at, None)
         return self._evaluated("motor_jacobian", space, state, (), PLAIN)
+
+    def reached(self, x: ArrayLike) -> Array:
+        """Configurations for operational coordinates, (*batch, positions).
+
+        Raises:
+            SingularError: a row is out of reach.
+        """
+        assert self.inverse_geometry is not None
+        found = self.inverse_geometry.solve(x)
+        missed = np.flatnonzero(~found.reached.ravel()).tolist()
+        if missed:
+            reasons = [found.reasons[k] for k in missed]
+            raise SingularError(found.reached.size, missed, reasons)
+        return found.q
 
     def motion(
         self, at: ArrayLike, rates: ArrayLike, accelerations: ArrayLike, space: Space = "platform"

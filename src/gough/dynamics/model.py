@@ -44,6 +44,8 @@ TRIED = 6
 """Equivalent inertias of which the operations are counted; the sparsest ones."""
 UNIT = 1e-12
 """How far the square of a quaternion's length may be from 1 for it to be used as it is."""
+MASSLESS = 1e-12
+"""Smallest eigenvalue of a mass matrix with diagonal 1 that counts as inertia; rounding."""
 HUGE = 1e300
 """Efforts and accelerations beyond this are no numbers to go on with."""
 
@@ -421,6 +423,29 @@ class Writing:
             sound = casadi.logic_and(sound, casadi.fabs(square - 1.0) < UNIT)
         return casadi.if_else(sound, found, -1.0)
 
+    def require_inertia(self, A: Grid) -> None:
+        """Raise where a motion moves no mass.
+
+        Raises:
+            ConfigurationError: the rates that move none, by name.
+        """
+        model = self.model
+        flat = evaluated(model.closure, model.sampled.samples, [x for row in A for x in row])
+        matrices = flat.reshape(len(flat), len(A), len(A))
+        size = np.sqrt(np.abs(np.einsum("sii->si", matrices)))
+        size = np.where(size > 0, size, 1.0)
+        values, vectors = np.linalg.eigh(matrices / size[:, :, None] / size[:, None, :])
+        lost = int(np.argmax(values[:, 0]))
+        if values[lost, 0] > MASSLESS:
+            return
+        motion = np.abs(vectors[lost, :, 0])
+        names = [model.structure.variables[k].name for k in model.independent]
+        worst = [n for n, x in zip(names, motion, strict=True) if x > 0.1 * motion.max()]
+        raise ConfigurationError(
+            f"{model.structure.mechanism.name} has a motion without inertia, of {', '.join(worst)}: "
+            "give a body that it moves some mass or inertia"
+        )
+
     def _typical(self, determinant: SX) -> float:
         """Median size of a determinant over the samples."""
         model = self.model
@@ -460,9 +485,10 @@ def _forces(w: Writing) -> Kernel:
 def _direct(w: Writing) -> Kernel:
     """ẏ for y and efforts, then how regular the mechanism is there."""
     given = w.motor_forces()
-    bias = w.forces([0.0] * len(w.yd))
+    bias, A = w.forces([0.0] * len(w.yd)), w.reduced.mass_matrix(w.loads)
+    w.require_inertia(A)
     right = [al.sub(a, b) for a, b in zip(given, bias, strict=True)]
-    yd, determinant = solve_definite(w.reduced.mass_matrix(w.loads), right)
+    yd, determinant = solve_definite(A, right)
     outputs = [*yd, w.regularity(determinant, yd, "direct")]
     return w.finish("direct", outputs, "y", "tau", "gravity", "wrenches")
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-FINE = 16
+FINE = 64
 """Points of a period for each harmonic, at which the range of a series is read."""
 SMALL = 0.05
 """Angle in rad below which power series take the place of quotients that lose digits."""
@@ -42,7 +42,10 @@ def fitted(coefficients: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """
     count = FINE * coefficients.shape[2]
     value, _, _ = series(coefficients, 1.0, np.arange(count) / count)
-    lowest, highest = value.min(axis=0), value.max(axis=0)
+    # between points a series is off by |s''| (h/2)²/2 at most, since s' = 0 at an extremum
+    rates = 2 * np.pi * np.arange(1, coefficients.shape[2] + 1)
+    between = np.hypot(coefficients[:, 0], coefficients[:, 1]) @ rates**2 / (8 * count**2)
+    lowest, highest = value.min(axis=0) - between, value.max(axis=0) + between
     factor = np.minimum(1.0, (high - low) / np.maximum(highest - lowest, 1e-300))
     least, most = low - factor * lowest, high - factor * highest
     return coefficients * factor[:, None, None], np.clip(0.0, least, np.maximum(least, most))

@@ -157,7 +157,7 @@ class Selector:
         picked = self._picked(choice)
         if len(picked) < len(self.unknown):
             return np.inf
-        pattern = np.array([w.pattern[i] for w, i in picked]).reshape(len(picked), -1)
+        pattern = np.array([w.pattern[i] for w, i in picked]).reshape(len(picked), self.C.shape[1])
         blocks = self._blocks(pattern)
         return float(
             sum(len(block.rows) ** 3 for block in blocks)

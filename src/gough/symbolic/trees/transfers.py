@@ -20,6 +20,8 @@ from gough.symbolic.trees.ties import Tie, ties
 Array = NDArray[np.float64]
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Order of the six numbers of a tensor: xx, yy, zz, xy, xz, yz."""
+PARALLEL = 1e-11
+"""Sine of the angle between axes that count as parallel; rounding of their description."""
 NUMBERS = 10
 """Of a body: mass, first moment (3), tensor about the origin of its node (6)."""
 
@@ -31,7 +33,10 @@ def as_vector(inertia: Inertia) -> Array:
         TypeError: some are no numbers but expressions of live parameters.
     """
     tensor = [inertia.tensor[i][k] for i, k in ENTRIES]
-    return np.array([inertia.mass, *inertia.moment, *tensor], dtype=float)
+    values = [inertia.mass, *inertia.moment, *tensor]
+    if not all(map(al.is_number, values)):
+        raise TypeError("inertia hangs on live parameters")
+    return np.array(values, dtype=float)
 
 
 def from_vector(x: Sequence[float] | Array) -> Inertia:
@@ -87,21 +92,29 @@ class Transfers:
         if node.kind == "turn":
             axis = al.column(node.joint_axes, node.axis)
             own = al.turn(node.to_class, al.column(al.IDENTITY, node.axis))
-            self._along(node, al.ZERO, own, parent, arm, axis)
-            if parent.frame.parent is None and node.frame is node:
+            if numbers(axis) is not None and numbers(own) is not None:
+                self._along(node, al.ZERO, own, parent, arm, axis)
+            if node.frame is node and _has_fixed_direction(node):
                 self._about_fixed_direction(node)
         elif node.kind == "rest":
             for axis in al.IDENTITY:
                 self._add((node, moment_at(al.ZERO, axis), 1), (parent, moment_at(arm, axis), -1))
 
     def _about_fixed_direction(self, node: Node) -> None:
-        """Of a body turning about a fixed direction only the inertia about it counts."""
-        u = np.array(node.unit, dtype=float)
+        """Of a body turning about a fixed direction only the inertia about it counts.
+
+        A moment along the direction does not count either.
+        """
+        unit = numbers(node.unit)
+        if unit is None:
+            return
+        u = np.array(unit, dtype=float)
         across = np.linalg.svd(u[None])[2][1:]
         for a, b in ((across[0], across[0]), (across[1], across[1]), tuple(across)):
             self._add((node, _tensor(np.outer(a, b) + np.outer(b, a)), 1))
         for a in across:
             self._add((node, _tensor(np.outer(a, u) + np.outer(u, a)), 1))
+        self._add((node, moment_at(al.ZERO, unit), 1))
 
     def _along(
         self, a: Node, p: al.Vector, u: al.Vector, b: Node, q: al.Vector, w: al.Vector
@@ -160,6 +173,18 @@ class Transfers:
         if first.parent is None:
             for axis in al.IDENTITY:
                 self._add((node, Inertia(moment=axis), 1))
+
+
+def _has_fixed_direction(turn: Node) -> bool:
+    """Whether a class and all that carry it turn about parallel axes."""
+    assert turn.parent is not None
+    above = turn.parent.frame
+    if above.parent is None:
+        return True
+    if above.kind != "turn" or not _has_fixed_direction(above):
+        return False
+    across = al.cross(al.column(turn.joint_axes, turn.axis), above.unit)
+    return all(al.is_number(x) and abs(x) < PARALLEL for x in across)
 
 
 def numbers(v: al.Vector) -> al.Vector | None:
