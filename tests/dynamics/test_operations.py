@@ -1,0 +1,110 @@
+"""How many operations models take from the description alone, and that none of it is a fit."""
+
+import numpy as np
+import pytest
+
+from gough import catalogue
+from gough.description import Mechanism
+from gough.dynamics import plans
+from gough.dynamics.model import Model
+from gough.robot import Robot, load
+
+GUARD = 60
+"""Operations that tell singular rows: determinants by their size, numbers that are none."""
+PIVOTING = 260
+"""What the choice of pivots of a system of six costs, about."""
+
+
+def thin_orthoglide():
+    """The orthoglide with thin uniform bars."""
+    content = load("orthoglide").mechanism.model_dump(exclude_unset=True)
+    short, long = "0.15*(2*r2)**2/12", "0.22*D4**2/12"
+    bar = {"mass": 0.22, "com": ["D4/2", 0, 0], "inertia": [0, long, long]}
+    content["legs"]["leg"]["bodies"] = {
+        "slider": {"mass": 1.4},
+        "fork": {"mass": 0.15, "com": [0, 0, "-r2"], "inertia": [short, short, 0]},
+        "bar3": bar,
+        "bar7": bar,
+        "bar4": {"mass": 0.15, "com": [0, "r2", 0], "inertia": [short, 0, short]},
+    }
+    return Robot(Mechanism.model_validate(content))
+
+
+@pytest.mark.parametrize(
+    ("name", "inverse", "direct", "turns"),
+    [
+        ("gough-stewart", 1750 + PIVOTING, 2250 + GUARD, 0),
+        ("thin orthoglide", 250 + GUARD, 300 + GUARD, 0),
+        ("orthoglide", 750, 1050, 0),
+        ("delta-parallelogram", 1200, 1650, 0),
+        ("delta", 1200, 1650, 0),
+        ("3-rrr", 700, 900, 2),  # of the platform's own angle, which is given
+    ],
+)
+def test_operations_of_models_placed_by_outputs(name, inverse, direct, turns):
+    robot = thin_orthoglide() if name == "thin orthoglide" else load(name)
+    model = robot.dynamics.model("platform")
+    counts = [model.kernel(kind, "x").tape.counts() for kind in ("inverse", "direct")]
+    assert counts[0]["total"] <= inverse
+    assert counts[1]["total"] <= direct
+    assert [c.get("trig", 0) for c in counts] == [turns, turns]
+
+
+def test_direct_dynamics_of_many_freedoms_by_composite_inertia():
+    model = load("biped-leg").dynamics.model("joint")
+    inverse, direct = (
+        model.kernel(kind, "q").tape.counts()["total"] for kind in ("inverse", "direct")
+    )
+    forces = model.kernel("forces", "q").tape.counts()["total"]
+    assert direct <= 2.5 * max(inverse, forces)
+
+
+@pytest.mark.parametrize("name", sorted(catalogue.names()))
+def test_moved_inertia_moves_alike(name):
+    """Equivalent inertia against that of the description, far from where anything was read."""
+    robot = load(name)
+    space = "platform" if robot.structure.columns("operational") else "joint"
+    home = robot.home.q
+    models = [
+        Model(robot.models, robot.assembler, home, space, regrouped=r, searched=False)
+        for r in (True, False)
+    ]
+    rng = np.random.default_rng(11)
+    q = [robot.assembler.wander(home, rng, 0.7) for _ in range(8)]
+    q = np.array([at for at in q if at is not None])
+    y, yd = rng.normal(size=(2, len(q), len(models[0].independent)))
+    p = [robot.assembler.p] * bool(robot.assembler.p.size)
+    one, other = (model.kernel("forces", "q")(q, *p, y, yd) for model in models)
+    row = np.abs(other).max(axis=1, keepdims=True)
+    regular = row < 1e4 * np.median(row)  # near a singularity rounding is as large as the forces
+    np.testing.assert_allclose((one - other) / row, np.zeros_like(one), atol=1e-10, rtol=0)
+    assert regular.any()
+    A, B = (model.kernel("mass_matrix", "q")(q, *p) for model in models)
+    size = np.abs(B).max(axis=(1, 2), keepdims=True)
+    np.testing.assert_allclose((A - B) / size, np.zeros_like(A), atol=1e-10, rtol=0)
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "delta-parallelogram", "3-rrr", "tripteron"])
+def test_every_tree_gives_the_same(name):
+    """Each way to cut the loops, and the one in which the platform is cut in pieces."""
+    robot = load(name)
+    outputs = robot.structure.columns("operational")
+    rng = np.random.default_rng(12)
+    x = np.array([robot.home.x] * 4)
+    x[1:, :2] += rng.uniform(-0.02, 0.02, size=(3, 2))
+    xd, xdd = rng.normal(size=(2, 4, len(outputs)))
+    expected = robot.inverse_dynamics(x, xd, xdd)
+    tried = 0
+    for plan in plans.plans(robot.structure):
+        other = plans.planned(plan, robot.models, robot.assembler, robot.home.q)
+        if other is None:
+            continue
+        model = Model(other.models, other.assembler, other.home, "platform", searched=False)
+        if "x" in model.places:
+            found = model.kernel("inverse", "x")(x, xd, xdd)[:, :-1]
+            np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+            tried += 1
+    assert tried >= 2
+    for modelling in ("cut-joints", "cut-platform"):
+        found = load(name, modelling).dynamics.inverse(x, xd, xdd, near=None)
+        np.testing.assert_allclose(found.efforts, expected, atol=1e-9 * np.abs(expected).max())
