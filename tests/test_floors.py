@@ -17,6 +17,7 @@ FLOORS = [
     {"assembly"},
     {"analysis", "geometry"},
     {"dynamics"},
+    {"exporting"},
     {"robot"},
     {"view"},
     {"studies", "catalogue_facts"},

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,7 +19,7 @@ from gough.assembly import Assembler, Assembly
 from gough.description import Mechanism
 from gough.errors import ConfigurationError, DescriptionError, OutOfReach, Problem
 from gough.formats.native import Source
-from gough.models import CLOSURE_MODELS, Models
+from gough.models import Models
 from gough.topology import Modelling, Role, Structure
 
 if TYPE_CHECKING:
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from gough.dynamics.derivatives import Differentiated
     from gough.dynamics.dynamics import Dynamics, Wrench
     from gough.dynamics.reactions import JointForces, Reactions
+    from gough.exporting import Exported
     from gough.geometry.assembly_modes import AssemblyModes
     from gough.geometry.direct import DirectGeometry
     from gough.geometry.direct_problem import DirectProblem
@@ -525,18 +525,29 @@ class Robot:
 
     # programs
 
+    @cached_property
+    def _exported(self) -> list[Exported]:
+        from gough.exporting import exported_models
+
+        return exported_models(self.dynamics)
+
     def operations(self) -> dict[str, dict[str, int]]:
         """How many operations each model takes, by kind: mul, add, div, sqrt, trig, select …"""
-        return {name: kernel.tape.counts() for name, kernel in self.models.kernels().items()}
+        return {model.name: model.kernel.tape.counts() for model in self._exported}
 
     def export_c(self, folder: str | Path) -> list[Path]:
-        """Write every model as C99 into a folder; the files written.
+        """Write every model as C99 into a folder, with a test program and a README.
 
-        Each is a function of positions ``q`` and, if there are any, live parameters ``p``, and the
-        same over many rows. Compiled without contraction it gives the bits of this library.
+        Each is a function of one row and the same over many rows; README.md says what their
+        numbers are. Compiled without contraction they give the bits of this library, and
+        ``test_<robot>.c`` tests that at recorded states.
+
+        Returns:
+            The files written.
 
         Raises:
             ConfigurationError: the folder can not be written.
+            ClosureError: the loops do not close.
         """
         return self._export("c", folder)
 
@@ -545,12 +556,9 @@ class Robot:
         return self._export("cuda", folder)
 
     def _export(self, language: str, folder: str | Path) -> list[Path]:
-        prefix = re.sub(r"\W", "_", self.name, flags=re.ASCII)
-        prefix = prefix if prefix[:1].isalpha() else f"robot_{prefix}"
-        texts: dict[str, str] = {}
-        for name, kernel in self.models.kernels().items():
-            about = f"{self.name}: {CLOSURE_MODELS[name]}"
-            texts |= kernel.files(language, f"{prefix}_{name}", about)
+        from gough.exporting import files
+
+        texts = files(language, self.dynamics)
         return [_written(Path(folder) / name, text) for name, text in texts.items()]
 
     # rates at the home configuration

@@ -15,6 +15,7 @@ from gough.errors import ConfigurationError
 from gough.geometry.coordinates import position_names
 from gough.kernels import Kernel
 from gough.models import CLOSURE_MODELS
+from gough.topology import Variable
 
 Number = tuple[str, str]
 """Name and unit."""
@@ -133,6 +134,8 @@ def _dynamics(dynamics: Dynamics) -> list[Exported]:
     given, axes = _given(dynamics, own), _axes(own)
     found = []
     for name, inner in DYNAMICS.items():
+        if name == "inverse_dynamics" and not model.actuated:
+            continue
         try:
             kernel = model.kernel(inner, place)
         except (ConfigurationError, ZeroDivisionError):  # too few motors for it, or no mass
@@ -193,9 +196,9 @@ def _parameters(dynamics: Dynamics) -> list[Number]:
     return [(name, "") for name, _ in parameters(dynamics)]
 
 
-def _rates(variables: Sequence[Number_], per: str = "s") -> list[Number]:
+def _rates(variables: Sequence[Variable], per: str = "s") -> list[Number]:
     return [(v.name, f"{v.unit}/{per}") for v in variables]
 
 
-def _efforts(variables: Sequence[Number_]) -> list[Number]:
+def _efforts(variables: Sequence[Variable]) -> list[Number]:
     return [(v.name, "N" if v.unit == "m" else "N m") for v in variables]

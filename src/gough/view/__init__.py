@@ -11,6 +11,7 @@ from gough.view.modes import Panel, draw_modes
 from gough.view.paper import ViewError, png, svg
 from gough.view.skeleton import Mark, Shape, Skeleton, skeleton
 from gough.view.spectra import Spectrum, draw_spectra
+from gough.view.stacks import Stack, draw_stacks
 
 __all__ = [
     "Layer",
@@ -21,6 +22,7 @@ __all__ = [
     "Shape",
     "Skeleton",
     "Spectrum",
+    "Stack",
     "ViewError",
     "draw_curves",
     "draw_maps",
@@ -28,6 +30,7 @@ __all__ = [
     "draw_modes",
     "draw_ratios",
     "draw_spectra",
+    "draw_stacks",
     "png",
     "skeleton",
     "svg",

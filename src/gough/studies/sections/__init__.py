@@ -6,6 +6,7 @@ from gough.studies.context import Context
 from gough.studies.report import Section
 from gough.studies.sections import (
     analysis,
+    dynamics,
     geometry,
     home,
     loops,
@@ -24,5 +25,6 @@ SECTIONS: tuple[Callable[[Context], Section], ...] = (
     sweep.section,
     geometry.section,
     velocity_factors.section,
+    dynamics.section,
 )
 """In the order of the report."""

@@ -22,7 +22,6 @@ from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion, Twisted
 from gough.symbolic.trees.nodes import End, Node, Tree, evaluated, outermost
 
-
 NEVER = 1e-10
 """Distances that change by less, in characteristic lengths, are constant; a guess."""
 
