@@ -106,7 +106,7 @@ class Differentiated:
         return self._kernels[key]
 
     def _written(self, name: str, space: Space, place: Place) -> Kernel:
-        """The Jacobian of a model by all its inputs, positions along motions that keep the loops."""
+        """The Jacobian of a model by all its inputs; positions move so that loops stay closed."""
         model = self.dynamics.model(space)
         kernel = model.kernel(name, place)
         symbols = {label: SX.sym(label, size) for label, size in kernel.inputs.items()}

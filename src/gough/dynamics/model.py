@@ -442,8 +442,8 @@ class Writing:
         names = [model.structure.variables[k].name for k in model.independent]
         worst = [n for n, x in zip(names, motion, strict=True) if x > 0.1 * motion.max()]
         raise ConfigurationError(
-            f"{model.structure.mechanism.name} has a motion without inertia, of {', '.join(worst)}: "
-            "give a body that it moves some mass or inertia"
+            f"{model.structure.mechanism.name} has a motion without inertia, of "
+            f"{', '.join(worst)}: give a body that it moves some mass or inertia"
         )
 
     def _typical(self, determinant: SX) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gough import view
 from gough.dynamics.contributions import LegContributions
-from gough.errors import GoughError
+from gough.errors import ConfigurationError, GoughError
 from gough.robot import Robot
 from gough.studies.context import Context
 from gough.studies.report import Block, Cell, Paragraph, Section, Table
@@ -50,22 +50,23 @@ def section(context: Context) -> Section:
     except GoughError as error:
         text = f"There are no figures of dynamics: {error}."
         return Section("dynamics", TITLE, [Paragraph(text)], {"dynamics": None})
-    if found is None:
-        text = (
-            "There are no figures of dynamics: the robot has no platform, its motors do not "
-            "determine all forces, or no short path through home was found."
-        )
-        return Section("dynamics", TITLE, [Paragraph(text)], {"dynamics": None})
     return Section("dynamics", TITLE, _blocks(context, found), {"dynamics": _data(found)})
 
 
-def run(robot: Robot) -> Run | None:
-    """The largest path that keeps away from singularities, with all its efforts."""
-    if robot.structure.mechanism.platform is None or not robot.structure.columns("operational"):
-        return None
-    moving = _moving(robot)
+def run(robot: Robot) -> Run:
+    """The largest path that keeps away from singularities, with all its efforts.
+
+    Raises:
+        ConfigurationError: there is no such path, or motors that give fewer forces than there are.
+    """
+    structure = robot.structure
+    if structure.mechanism.platform is None or not structure.columns("operational"):
+        raise ConfigurationError("the robot has no platform with outputs")
+    moving, model = _moving(robot), robot.dynamics.model("platform")
     if not moving:
-        return None
+        raise ConfigurationError("all outputs are turns of the platform, which the path leaves")
+    if model.motors_rank < len(model.independent):
+        raise ConfigurationError("the motors do not give every force")
     time = np.linspace(0.0, PERIOD, SAMPLES)
     for size in SIZES:
         x, xd, xdd = _path(robot, moving, size, time)
@@ -73,18 +74,14 @@ def run(robot: Robot) -> Run | None:
         if solution.solved.all() and solution.regularity.min() > AWAY:
             break
     else:
-        return None
+        raise ConfigurationError("no short path through home keeps away from singularities")
     parts = robot.leg_contributions(x, xd, xdd)
-    J = robot.dynamics.motor_jacobian(x)
-    if J.shape[-1] != J.shape[-2]:
-        return None
+    # of redundant motors the smallest efforts, as in inverse dynamics
+    share = np.linalg.pinv(np.swapaxes(robot.dynamics.motor_jacobian(x), -1, -2))
     kinds = np.stack([parts.inertial, parts.velocity, parts.gravity])
-    transposed = np.swapaxes(J, -1, -2)[None, :, None]
-    shares = np.linalg.solve(
-        np.broadcast_to(transposed, (*kinds.shape, J.shape[-1])), kinds[..., None]
-    )
-    names = tuple(robot.structure.variables[k].name for k, _ in moving)
-    return Run(time, x, size, names, parts, shares[..., 0])
+    shares = np.einsum("tmi,ktpi->ktpm", share, kinds)
+    names = tuple(structure.variables[k].name for k, _ in moving)
+    return Run(time, x, size, names, parts, shares)
 
 
 def _moving(robot: Robot) -> list[tuple[int, int]]:
@@ -154,9 +151,10 @@ def _unit(robot: Robot) -> str:
 def _meaning(robot: Robot, found: Run) -> str:
     listed = ", ".join(found.moving)
     swing = found.size * robot.assembler.length
+    how = "swing once, twice and so on, the first" if len(found.moving) > 1 else "swings once,"
     return (
-        f"The path goes through home in {PERIOD:g} s; {listed} swing once, twice and so on, the "
-        f"first by {1e3 * swing:.3g} mm or {found.size:.3g} rad. Efforts are those of "
+        f"The path goes through home in {PERIOD:g} s; {listed} {how} by {1e3 * swing:.3g} mm or "
+        f"{found.size:.3g} rad. Efforts are those of "
         "robot.inverse_dynamics; their shares are the forces of legs and platform, reflected to "
         "the motors (robot.leg_contributions), and add up to them."
     )
