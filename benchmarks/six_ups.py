@@ -1,8 +1,9 @@
-"""Inverse dynamics of a 6-UPS Gough-Stewart platform with leg masses, written by hand.
+"""Dynamics of a 6-UPS Gough-Stewart platform with leg masses, written by hand.
 
 Each leg is two bodies: a cylinder turning about A_i in a universal joint, and a rod sliding in it.
 Newton and Euler are written in the frame of each leg and reflected to the platform (Khalil and
-Guegan 2004): F = F_platform + Σ J_i⁻ᵀ H_i, and J⁻ᵀ Γ = F. All lengths and masses are numbers.
+Guegan 2004): F = F_platform + Σ J_i⁻ᵀ H_i, and J⁻ᵀ Γ = F; direct dynamics solve A ẍ = Jᵀ Γ - H
+with the Cartesian inertia of each leg at B. All lengths and masses are numbers.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import casadi
 import numpy as np
 
 from gough.kernels import Kernel
-from gough.kernels.solves import lu_solve
+from gough.kernels.solves import ldlt_solve, lu_solve
 
 SX = casadi.SX
 GRAVITY = np.array([0.0, 0.0, -9.80665])
@@ -33,7 +34,7 @@ class Leg:
     centre_rod: float = 0.36
     """Centre of mass of the rod, from B back in m."""
     inertia: np.ndarray = field(default_factory=lambda: np.array([0.371, 0.361, 0.0049]))
-    """Principal inertias of both bodies about their own centres, kg m²."""
+    """Principal inertias of the cylinder about A plus those of the rod about its centre, kg m²."""
 
     @property
     def frame(self) -> np.ndarray:
@@ -113,6 +114,22 @@ class LegState:
         H1 = self.c2 * Nx + self.s2 * Nz
         return self.axes @ casadi.vertcat(Ny * iL, -H1 * iL * self.inverse_c2, fz)
 
+    def inertia(self) -> SX:
+        """Force at B by acceleration of B, (3, 3), in base axes.
+
+        In the leg's own axes it is diagonal: across it (I_x + m₂ s² + I_z tan² q₂) / L² and
+        (I_y + m₂ s²) / L², with s from A to the rod's centre, and m₂ along it.
+        """
+        leg, L = self.leg, self.length
+        tangent, s = self.s2 * self.inverse_c2, L - leg.centre_rod
+        rod, square = leg.masses[1] * s * s, self.inverse_length * self.inverse_length
+        about_x = (leg.inertia[0] + rod + leg.inertia[2] * tangent * tangent) * square
+        about_y = (leg.inertia[1] + rod) * square
+        y, z = self.axes[:, 1], self.axes[:, 2]
+        # x xᵀ = 1 - y yᵀ - z zᵀ for the axis x, in which the motion about y moves B
+        moved = (about_x - about_y) * y @ y.T + (leg.masses[1] - about_y) * z @ z.T
+        return about_y * SX.eye(3) + moved
+
 
 def inverse_dynamics() -> tuple[SX, SX]:
     """Inputs [quaternion wxyz, p, v, ω, a, α] (19) and the forces of the six actuators, N."""
@@ -132,6 +149,34 @@ def inverse_dynamics() -> tuple[SX, SX]:
     columns = [casadi.vertcat(s.direction, casadi.cross(s.arm, s.direction)) for s in states]
     forces = lu_solve(casadi.horzcat(*columns), casadi.vertcat(F, M))
     return casadi.vertcat(q, p, v, w, a, alpha), forces
+
+
+def direct_dynamics() -> tuple[SX, SX]:
+    """Inputs [quaternion wxyz, p, v, ω, Γ] (19) and the platform's accelerations (a, α)."""
+    q, p, v, w, given = (
+        SX.sym(n, k) for n, k in (("q", 4), ("p", 3), ("v", 3), ("w", 3), ("f", 6))
+    )
+    R, body = rotation(q), Platform()
+    states = [LegState(leg, R, p) for leg in legs()]
+    inertia = R @ body.inertia @ R.T
+    F, M = -body.mass * GRAVITY, casadi.cross(w, inertia @ w)
+    linear, mixed, angular = body.mass * SX.eye(3), SX(3, 3), inertia
+    for k, state in enumerate(states):
+        turned = casadi.cross(w, state.arm)
+        f = state.force(v + turned, casadi.cross(w, turned)) - given[k] * state.direction
+        F, M = F + f, M + casadi.cross(state.arm, f)
+        own, arm = state.inertia(), casadi.skew(state.arm)
+        turning = arm @ own
+        linear, mixed, angular = linear + own, mixed + turning, angular - turning @ arm
+    A = casadi.vertcat(casadi.horzcat(linear, mixed.T), casadi.horzcat(mixed, angular))
+    accelerations = ldlt_solve(A, -casadi.vertcat(F, M))
+    return casadi.vertcat(q, p, v, w, given), accelerations
+
+
+def direct_kernel() -> Kernel:
+    """The direct dynamics as a numpy function: (*batch, 19) -> (*batch, 6)."""
+    x, accelerations = direct_dynamics()
+    return Kernel("direct_dynamics", {"x": x}, accelerations, (6,))
 
 
 def kernel() -> Kernel:

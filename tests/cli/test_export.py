@@ -22,12 +22,15 @@ def run(*args, code=0):
 
 def test_counts_are_those_of_the_tapes():
     table = run("orthoglide", "--count").stdout.splitlines()
-    assert table[0].split() == ["model", "mul", "add", "trig", "sign", "total"]
+    assert table[0].split()[:4] == ["model", "mul", "add", "trig"]
+    assert table[0].split()[-1] == "total"
     found = json.loads(run("orthoglide", "--count", "--json").stdout)["operations"]
     for line in table[1:]:
         name, *numbers = line.split()
         assert [found[name].get(kind, 0) for kind in table[0].split()[1:]] == [*map(int, numbers)]
         assert sum(found[name].values()) == 2 * found[name]["total"]
+    assert [line.split()[0] for line in table[1:]] == list(found)
+    assert {"residual", "inverse_dynamics", "direct_dynamics", "mass_matrix"} < set(found)
 
 
 def test_the_number_of_operations_is_held():

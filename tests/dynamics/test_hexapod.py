@@ -1,4 +1,4 @@
-"""The deployable hexapod against its reference: reels, massive legs, spherical and universal feet."""
+"""The deployable hexapod against its reference: reels, massive legs, feet of both kinds."""
 
 import json
 from pathlib import Path

@@ -5,8 +5,10 @@ import pytest
 
 from gough import catalogue
 from gough.description import Mechanism
+from gough.dynamics import model as model_module
 from gough.dynamics import plans
 from gough.dynamics.model import Model
+from gough.errors import ConfigurationError
 from gough.robot import Robot, load
 
 GUARD = 60
@@ -108,3 +110,23 @@ def test_every_tree_gives_the_same(name):
     for modelling in ("cut-joints", "cut-platform"):
         found = load(name, modelling).dynamics.inverse(x, xd, xdd, near=None)
         np.testing.assert_allclose(found.efforts, expected, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", ["andrews-squeezer", "bennett", "gough-stewart"])
+def test_false_relations_between_rates_are_seen(name, monkeypatch):
+    """Rates that seem to follow from others at a few states, as seven of a mechanism with one
+    freedom may: inverse and direct dynamics would be consistent, and accelerations wrong."""
+    robot = load(name)
+    space = "platform" if robot.structure.columns("operational") else "joint"
+    true = Model(robot.models, robot.assembler, robot.home.q, space, searched=False)
+
+    def fitted(E, order, unit, telling):
+        """Relations that hold at home only."""
+        few = list(true.independent)
+        motions = np.linalg.svd(E[0])[2][np.linalg.matrix_rank(E[0], 1e-9) :].T
+        C = motions @ np.linalg.pinv(motions[few])
+        return tuple(few), unit[:, None] * C / unit[few]
+
+    monkeypatch.setattr(model_module, "relations", fitted)
+    with pytest.raises(ConfigurationError, match="does not hold farther away"):
+        Model(robot.models, robot.assembler, robot.home.q, space, searched=False)

@@ -11,6 +11,7 @@ from gough import __version__
 COMMANDS = {
     "analyse": "Mobility, redundancy and singularity of a mechanism.",
     "check": "Check a description: every error of the file at once.",
+    "dynamics": "Efforts, powers and energies along a motion.",
     "export": "Models as C or CUDA code, or how many operations they take.",
     "inverse": "Positions of the joints for a pose, on every working mode.",
     "list": "The robots of the catalogue.",

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
-from gough.errors import ClosureError, DescriptionError, GoughError
+from gough.errors import ClosureError, DescriptionError, GoughError, SingularError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -97,7 +97,8 @@ def reporting_errors(command: F) -> F:
             if as_json:
                 print_json(_error_data(error))
             click.echo(str(error), err=True)
-            sys.exit(MATHEMATICS_SAYS_NO if isinstance(error, ClosureError) else WRONG_INPUT)
+            no_answer = isinstance(error, ClosureError | SingularError)
+            sys.exit(MATHEMATICS_SAYS_NO if no_answer else WRONG_INPUT)
 
     return wrapped  # type: ignore[return-value]
 

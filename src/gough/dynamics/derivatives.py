@@ -122,17 +122,14 @@ class Differentiated:
     def _motions(model: Model, place: Place, symbols: dict[str, SX]) -> SX:
         """How positions change for unit rates y, (positions, y)."""
         closure = model.closure
+        H = casadi.Function("H", [closure.q], [closure.position_rates])
         if place == "q":
             rates = model.kernel("rates", "q")
             y = SX.sym("y", len(model.given))
             given = [symbols[label] for label in rates.inputs if label != "y"]
             v = rates.expression(*given, y)
-            H = casadi.Function("H", [closure.q], [closure.position_rates])(symbols["q"])
-            return H @ casadi.jacobian(v, y)
-        outputs = model.outputs.whole
-        columns = model.structure.columns("operational")
-        H = casadi.Function("H", [closure.q], [closure.position_rates])
+            return SX(H(symbols["q"]) @ casadi.jacobian(v, y))
         q = SX.zeros(closure.q.numel())
-        for k, at in enumerate(outputs):
+        for k, at in enumerate(model.outputs.whole):
             q[at] = symbols["x"][k]
-        return H(q)[outputs, columns]
+        return SX(H(q)[model.outputs.whole, model.structure.columns("operational")])

@@ -19,7 +19,7 @@ from gough.description.values import scalar, vector
 from gough.dynamics import plans
 from gough.errors import ConfigurationError
 from gough.geometry.coordinates import Coordinates
-from gough.geometry.samples import sample
+from gough.geometry.samples import sample, with_more
 from gough.kernels import Kernel
 from gough.models import Models
 from gough.symbolic.plans import best_independent, generic_rank, relations
@@ -31,7 +31,7 @@ from gough.symbolic.trees.nodes import Tree, evaluated
 from gough.symbolic.trees.positions import JointPositions
 from gough.symbolic.trees.reduced import Reduced
 from gough.symbolic.trees.regrouping import Regrouped, regroupings
-from gough.symbolic.trees.selection import Selection, Selector
+from gough.symbolic.trees.selection import Selector
 
 Array = NDArray[np.float64]
 SX = casadi.SX
@@ -40,6 +40,14 @@ Space = Literal["platform", "joint"]
 Place = Literal["x", "q"]
 """Whether a model takes operational coordinates, or a configuration."""
 
+READINGS = 3
+"""How often the structure is read, with more configurations each time."""
+FRESH = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2)
+"""Lengths of the walks from home to where it is proved; see `Assembler.wander`."""
+PROVED = 1e-9
+"""Relative residual of closure equations up to which they are obeyed; rounding, no proof."""
+FAR = 1e6
+"""Sizes of second rates beyond which a state is too near to a singularity to tell anything."""
 TRIED = 6
 """Equivalent inertias of which the operations are counted; the sparsest ones."""
 UNIT = 1e-12
@@ -79,7 +87,11 @@ class Model:
     Attributes:
         independent: the variables y whose rates are independent.
         kept: the variables that no constant relation binds, y among them.
+        given: places of y among the kept ones.
         C: all rates v = C w of the kept ones.
+        tree: the mechanism as single motions.
+        selection: rows and blocks that give all rates.
+        by_joints: the mechanism placed by a configuration.
     """
 
     def __init__(
@@ -94,12 +106,78 @@ class Model:
     ) -> None:
         self.models, self.assembler, self.home, self.space = models, assembler, home, space
         self.structure, self.closure = models.structure, models.closure
-        self.sampled = sample(assembler, home, seed)
-        self.independent, self.kept, self.C = self._rates()
         self._regrouped, self._searched, self._seed = regrouped, searched, seed
         self._kernels: dict[tuple[object, ...], Kernel] = {}
+        self._read()
 
     # what is decided once
+
+    def _read(self) -> None:
+        """Read the structure at samples and prove it at others, farther from home.
+
+        Where it does not hold, those are joined to the samples and it is read anew.
+
+        Raises:
+            ConfigurationError: it still does not hold.
+        """
+        rng = np.random.default_rng(self._seed + 1)
+        self.sampled = sample(self.assembler, self.home, self._seed)
+        for _ in range(READINGS):
+            self.independent, self.kept, self.C = self._rates()
+            self.given = [self.kept.index(k) for k in self.independent]
+            self.tree = Tree(self.closure, self.sampled.samples)
+            self._frames = Frames(self.tree, JointPositions(self.tree, self.C, self.kept))
+            self.selection = Selector(self.tree, self._frames, self.C, self.given).select()
+            self.by_joints = Reduced(self._frames, self.C, self.selection)
+            fresh = [self.assembler.wander(self.home, rng, reach) for reach in FRESH]
+            found = [q for q in fresh if q is not None]
+            if self._violation(found, rng) < PROVED:
+                return
+            self.sampled = with_more(self.sampled, self.assembler, found)
+        raise ConfigurationError(
+            f"{self.structure.mechanism.name}: what seems to hold of its rates near home does not "
+            "hold farther away; give another home"
+        )
+
+    def _violation(self, q: Sequence[Array], rng: np.random.Generator) -> float:
+        """How far rates and accelerations of the model are from obeying every closure equation.
+
+        E v = 0 and E v̇ + Ė v = 0, with the rows that were left out, relative to their terms: a
+        wrong relation between rates may keep inverse and direct dynamics consistent, but not these.
+        """
+        if not self.closure.residual.numel() or not q:
+            return 0.0
+        rates, rows = self._motion, self._residuals
+        worst, p, scale = 0.0, self.assembler.p, self.assembler.row_scale
+        for at in q:
+            v, vd = rates(at, p, *rng.normal(size=(2, len(self.given))))
+            first, second, carried = (np.array(x).ravel() * scale for x in rows(at, p, v, vd))
+            size = float(np.abs(np.array(v)).max())
+            terms = float(np.abs(second).max() + np.abs(carried).max())
+            if np.isfinite(terms) and terms < FAR:
+                worst = max(worst, np.abs(first).max() / size)
+                worst = max(worst, np.abs(second + carried).max() / max(terms, size**2))
+        return worst
+
+    @property
+    def _motion(self) -> casadi.Function:
+        """(q, p, y, ẏ) -> v, v̇."""
+        closure, reduced = self.closure, self.by_joints
+        yd = [SX.sym(f"yd{k}") for k in range(len(self.given))]
+        v = casadi.vertcat(*reduced.all_rates(reduced.rates))
+        vd = casadi.vertcat(*reduced.all_rates(reduced.accelerations(yd)))
+        columns = [casadi.vertcat(*reduced.y), casadi.vertcat(*yd)]
+        return casadi.Function("motion", [closure.q, closure.p, *columns], [v, vd])
+
+    @property
+    def _residuals(self) -> casadi.Function:
+        """(q, p, v, v̇) -> E v, E v̇, Ė v."""
+        closure, count = self.closure, len(self.structure.variables)
+        v, vd = SX.sym("v", count), SX.sym("vd", count)
+        first = closure.jacobian @ v
+        carried = casadi.jtimes(first, closure.q, closure.position_rates @ v)
+        outputs = [first, closure.jacobian @ vd, carried]
+        return casadi.Function("residuals", [closure.q, closure.p, v, vd], outputs)
 
     def _rates(self) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
         """Independent and kept variables, and how the others follow."""
@@ -120,30 +198,6 @@ class Model:
         if self.space == "joint":
             first, last = last, first
         return [*base, *first, *last]
-
-    @cached_property
-    def tree(self) -> Tree:
-        """The tree as single motions."""
-        return Tree(self.closure, self.sampled.samples)
-
-    @cached_property
-    def given(self) -> list[int]:
-        """Places of the independent rates among the kept ones."""
-        return [self.kept.index(k) for k in self.independent]
-
-    @cached_property
-    def _frames_by_joints(self) -> Frames:
-        return Frames(self.tree, JointPositions(self.tree, self.C, self.kept))
-
-    @cached_property
-    def selection(self) -> Selection:
-        """Rows and blocks that give all rates."""
-        return Selector(self.tree, self._frames_by_joints, self.C, self.given).select()
-
-    @cached_property
-    def by_joints(self) -> Reduced:
-        """The mechanism placed by a configuration."""
-        return Reduced(self._frames_by_joints, self.C, self.selection)
 
     @cached_property
     def by_outputs(self) -> Reduced | None:
@@ -249,7 +303,7 @@ class Model:
         if not self._regrouped:
             return None
         given = set(self.independent)
-        found = regroupings(self.tree, self._frames_by_joints, given, TRIED)
+        found = regroupings(self.tree, self._frames, given, TRIED)
         if not found:
             return None
         return min(found, key=self._cost)

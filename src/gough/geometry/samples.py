@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,17 @@ def sample(assembler: Assembler, home: Array, seed: int) -> Sampled:
         telling,
     )
     return Sampled(samples, E[sharp], None if telling else _open(assembler, home, rng))
+
+
+def with_more(sampled: Sampled, assembler: Assembler, q: Sequence[Array]) -> Sampled:
+    """The same with further closed configurations, where these are as regular as the others."""
+    old = sampled.samples
+    E = np.concatenate([sampled.E, [_scaled(assembler, at, assembler.p) for at in q]])
+    sharp = [k for k, e in enumerate(E) if _is_sharp(e, E)]
+    every = [*zip(old.q, old.p, strict=True), *((at, assembler.p) for at in q)]
+    kept = [every[k] for k in sharp]
+    samples = replace(old, q=np.array([at for at, _ in kept]), p=np.array([p for _, p in kept]))
+    return Sampled(samples, E[sharp], sampled.E_open)
 
 
 def _tries(assembler: Assembler, home: Array) -> int:
