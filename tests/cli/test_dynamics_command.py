@@ -112,9 +112,7 @@ def test_rest_at_home():
     held = robot.inverse_dynamics(robot.home.x, np.zeros(3), np.zeros(3))
     np.testing.assert_allclose([motor["efforts"][0] for motor in found["motors"]], held)
     moon = json.loads(run("orthoglide", "--gravity", "0 0 -1.62", "--json").stdout)
-    expected = robot.inverse_dynamics(
-        robot.home.x, np.zeros(3), np.zeros(3), gravity=[0, 0, -1.62]
-    )
+    expected = robot.inverse_dynamics(robot.home.x, np.zeros(3), np.zeros(3), gravity=[0, 0, -1.62])
     np.testing.assert_allclose([motor["efforts"][0] for motor in moon["motors"]], expected)
     text = run("biped-leg").stdout
     assert text.startswith("biped-leg at rest at home\n")
@@ -155,9 +153,9 @@ def test_rows_without_an_answer_are_named(tmp_path):
 
 def test_saturation(tmp_path):
     text = catalogue.file("five-bar").read_bytes().decode()
-    assert text.count("      motor:") == 1
-    limited = text.replace("      motor:", "      motor: {effort: 0.5, speed: 0.1}\n      about:", 1)
-    limited = _with_limits(text)
+    limited = text.replace(
+        "actuated: true", "actuated: true\n        motor: {effort: 0.5, speed: 0.1}"
+    )
     robot = tmp_path / "limited.yaml"
     robot.write_text(limited)
     x, _, _ = moved("five-bar", [0.05, -0.08])
@@ -204,13 +202,12 @@ def test_wrong_input(tmp_path):
     path.write_bytes(b"time,x\n\xff,1\n")
     assert "t.csv:2:1: is no text in UTF-8" in run("2rpr", "--trajectory", path, code=2).stderr
     assert "gravity has shape (2,)" in run("2rpr", "--gravity", "0 1", code=2).stderr
-    path.write_text("time,hip\n0,1\n")
+    path.write_text("time,hip,knee\n0,1,1\n")
     message = "torso.rx has no position of its own that a column could hold"
-    text = "time,hip,knee\n0,1,1\n"
-    path.write_text(text)
     assert message in run("biped-leg", "--trajectory", path, code=2).stderr
-    path.write_text("time,x,y,z,qw,qx,qy,qz\n0,0,0,1,1,0,0,0\n1,0,0,1,1,1,0,0\n" + "")
-    path.write_text(path.read_text() + "2,0,0,1,1,0,0,0\n3,0,0,1,1,0,0,0\n")
+    path.write_text(
+        "time,x,y,z,qw,qx,qy,qz\n0,0,0,1,1,0,0,0\n1,0,0,1,1,1,0,0\n2,0,0,1,1,0,0,0\n3,0,0,1,1,0,0,0\n"
+    )
     found = run("gough-stewart", "--trajectory", path, code=2).stderr
     assert "t.csv:3:1: qw: the quaternion has the length 1.41421; it must be 1" in found
     x, _, _ = moved("2rpr", [0.01, 0.01])
@@ -218,13 +215,3 @@ def test_wrong_input(tmp_path):
     blocked = tmp_path / "t.csv" / "out.csv"
     found = run("2rpr", "--trajectory", path, "--out", blocked, code=2).stderr
     assert "can not be written" in found
-
-
-def _with_limits(text):
-    """The description with limits of every motor."""
-    marker = "motor:\n"
-    assert marker in text
-    start = text.index("motor: {") if "motor: {" in text else None
-    if start is None:
-        raise AssertionError(text)
-    return text[: start + 8] + "effort: 0.5, speed: 0.1, " + text[start + 8 :]

@@ -88,8 +88,9 @@ class Differentiated:
     def _parted(self, found: Array, model: Model, inputs: int) -> Derivatives:
         count = len(model.given)
         ends = np.cumsum([count, count, inputs])
-        parts = np.split(found, ends, axis=-1)
-        return Derivatives(*parts, tuple(self._parameter_names(model)))
+        position, rates, given, parameters = np.split(found, ends, axis=-1)
+        names = tuple(self._parameter_names(model))
+        return Derivatives(position, rates, given, parameters, names)
 
     @staticmethod
     def _parameter_names(model: Model) -> list[str]:
