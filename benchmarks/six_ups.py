@@ -33,7 +33,7 @@ class Leg:
     """Centre of mass of the cylinder, from A in m."""
     centre_rod: float = 0.36
     """Centre of mass of the rod, from B back in m."""
-    inertia: np.ndarray = field(default_factory=lambda: np.array([0.371, 0.361, 0.0049]))
+    inertia: np.ndarray = field(default_factory=lambda: np.array([0.371, 0.368, 0.0049]))
     """Principal inertias of the cylinder about A plus those of the rod about its centre, kg m²."""
 
     @property

@@ -88,7 +88,7 @@ def test_a_mechanism_without_inertia_has_no_direct_dynamics():
 
 
 @needs_cc
-@pytest.mark.parametrize("name", ["orthoglide", "biped-leg", "4-rpr"])
+@pytest.mark.parametrize("name", ["five-bar", "biped-leg", "4-rpr"])
 def test_the_readme_tells_every_model_and_its_example_compiles(tmp_path, name):
     robot = gough.load(name)
     robot.export_c(tmp_path)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         DescriptionError,
         GoughError,
         OutOfReach,
+        SingularError,
         UnknownName,
     )
     from gough.robot import Home, Robot, load
@@ -53,6 +54,7 @@ _ROOMS = {
         "DescriptionError",
         "GoughError",
         "OutOfReach",
+        "SingularError",
         "UnknownName",
     ),
     "gough.robot": ("Home", "Robot", "load"),
@@ -77,6 +79,7 @@ __all__ = [
     "OutOfReach",
     "Parameter",
     "Robot",
+    "SingularError",
     "UnknownName",
     "load",
 ]

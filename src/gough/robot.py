@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gough.dynamics.contributions import Contributions, LegContributions
     from gough.dynamics.derivatives import Differentiated
     from gough.dynamics.dynamics import Dynamics, Wrench
+    from gough.dynamics.identification.identify import Identification
     from gough.dynamics.reactions import JointForces, Reactions
     from gough.exporting import Exported
     from gough.geometry.assembly_modes import AssemblyModes
@@ -515,6 +516,13 @@ class Robot:
         """Accelerations of the independent variables, (*batch, independent)."""
         found = self.dynamics.direct_joint(q, v, tau, wrench, gravity)
         return self.dynamics.require(found).accelerations
+
+    @cached_property
+    def identification(self) -> Identification:
+        """Base parameters, exciting trajectories, and least squares from measured efforts."""
+        from gough.dynamics.identification.identify import Identification
+
+        return Identification(self.dynamics)
 
     @cached_property
     def dynamics_derivatives(self) -> Differentiated:

@@ -14,8 +14,8 @@ from gough.robot import Robot, load
 from gough.symbolic.lagrange import Lagrange
 
 pytest.importorskip("mujoco")
-from tests.oracles.mujoco_trees import MujocoTree  # noqa: E402
-from tests.oracles.trees import Array  # noqa: E402
+from tests.oracles.mujoco_trees import MujocoTree
+from tests.oracles.trees import Array
 
 ROBOTS = ["gough-stewart", "3-rrr", "biped-leg", "four-bar"]
 STATES = 24
@@ -29,7 +29,9 @@ def lagrange(robot: Robot) -> casadi.Function:
     v, vd = casadi.SX.sym("v", count), casadi.SX.sym("vd", count)
     found, gravity = Lagrange(closure), MujocoTree(robot).tree.gravity
     outputs = [found.mass_matrix(), found.forces(v, vd, gravity)]
-    return casadi.Function("tree", [closure.q, closure.p, v, vd], list(map(casadi.densify, outputs)))
+    return casadi.Function(
+        "tree", [closure.q, closure.p, v, vd], list(map(casadi.densify, outputs))
+    )
 
 
 def require_close(found: Array, expected: Array) -> None:

@@ -10,8 +10,8 @@ import pytest
 from gough.robot import Robot, load
 
 pytest.importorskip("pinocchio")
-from tests.oracles.pinocchio_trees import PinocchioTree  # noqa: E402
-from tests.oracles.trees import Array  # noqa: E402
+from tests.oracles.pinocchio_trees import PinocchioTree
+from tests.oracles.trees import Array
 
 STATES = 24
 REACH = 0.1
