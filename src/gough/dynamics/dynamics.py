@@ -110,29 +110,13 @@ class Dynamics:
 
     def quick_inverse(self, x: ArrayLike, xd: ArrayLike, xdd: ArrayLike) -> Array | None:
         """Efforts where every row is unobjectionable, else None: `inverse` then finds out why."""
-        if self._quick_inverse is None:
-            return None
-        kernel, p = self._quick_inverse
-        try:
-            found = kernel(x, *p, xd, xdd)
-        except (TypeError, ValueError):
-            return None
-        if found.ndim == 1:
-            return found[:-1] if found[-1] >= LIMIT else None
-        return found[..., :-1] if np.all(found[..., -1] >= LIMIT) else None
+        quick = self._quick_inverse
+        return None if quick is None else _quickly(*quick, x, xd, xdd)
 
     def quick_direct(self, x: ArrayLike, xd: ArrayLike, tau: ArrayLike) -> Array | None:
         """Accelerations where every row is unobjectionable, else None."""
-        if self._quick_direct is None:
-            return None
-        kernel, p = self._quick_direct
-        try:
-            found = kernel(x, *p, xd, tau)
-        except (TypeError, ValueError):
-            return None
-        if found.ndim == 1:
-            return found[:-1] if found[-1] >= LIMIT else None
-        return found[..., :-1] if np.all(found[..., -1] >= LIMIT) else None
+        quick = self._quick_direct
+        return None if quick is None else _quickly(*quick, x, xd, tau)
 
     # platform space
 
@@ -671,6 +655,23 @@ _SINGULAR, _OUT_OF_REACH, _NOT_FINITE, _NO_MOTION = (
     ENDINGS.index(ending)
     for ending in (Ending.singular, Ending.out_of_reach, Ending.not_finite, Ending.no_motion)
 )
+
+
+def _quickly(
+    kernel: Kernel, p: tuple[Array, ...], x: ArrayLike, y: ArrayLike, given: ArrayLike
+) -> Array | None:
+    """Results without the regularity that stands last, or None if that is too low somewhere."""
+    single = kernel.single
+    try:
+        if single is None or p or type(x) is not np.ndarray or x.ndim != 1:
+            found = kernel(x, *p, y, given)
+        else:
+            found = single(x, y, given)
+    except (TypeError, ValueError):
+        return None
+    if found.ndim == 1:
+        return found[:-1] if found[-1] >= LIMIT else None
+    return found[..., :-1] if np.all(found[..., -1] >= LIMIT) else None
 
 
 def _numbers(name: str, given: ArrayLike, width: int, parts: Sequence[str]) -> Array:

@@ -218,11 +218,13 @@ def _regularity(dynamics: Dynamics, models: Sequence[Exported]) -> list[str]:
         "the others are no numbers"
     )
     if place_of(dynamics) == "x":
-        text += (
-            ": a leg does not reach the pose, or the quaternion's length is not 1 within 5e-13. "
-            "The other models are NaN at such poses"
-        )
-    text += ". Compare as in `if (!(regularity >= 1e-6))`, which catches NaN too."
+        quaternion = ", or the length of the quaternion is not 1 within 5e-13"
+        posed = any(unit == "1" for model in models for _, unit in model.inputs.get("x", ()))
+        text += f": a leg does not reach the pose{quaternion if posed else ''}"
+    text += (
+        ". Compare as in `if (!(regularity >= 1e-6))`, which catches NaN too. The other models have "
+        "no such number: where it is low theirs mean nothing either."
+    )
     return ["## Regularity", text]
 
 

@@ -68,6 +68,14 @@ class Evaluator:
         """
         return self.compilation.addresses
 
+    @property
+    def single(self) -> Any:
+        """The numpy ufunc for one row once one row was asked for, else None.
+
+        It checks no types and uses one thread: for callers that know their arrays.
+        """
+        return self._single
+
     def __call__(
         self, *arrays: ArrayLike, out: Array | None = None, threads: int | None = None
     ) -> Array:
