@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 ROBOT ?= orthoglide
 
-.PHONY: study test test-long lint types install facts clean
+.PHONY: study test test-long oracles lint types install facts clean
 
 study: $(VENV)/.view  ## report on one robot
 	$(BIN)/gough study $(ROBOT) --out reports/$(ROBOT)
@@ -14,6 +14,9 @@ test: lint types  ## everything that has to pass before a change lands
 
 test-long: $(VENV)/.dev  ## many more random mechanisms and mutated files
 	$(BIN)/pytest -n 2 --hypothesis-profile=long
+
+oracles: $(VENV)/.peers  ## models against Pinocchio and MuJoCo, which `make test` leaves out
+	$(BIN)/pytest tests/oracles
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -39,6 +42,10 @@ $(VENV)/.view: pyproject.toml $(VENV)/.python
 $(VENV)/.dev: pyproject.toml $(VENV)/.python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	touch $@ $(VENV)/.view
+
+$(VENV)/.peers: $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev,peers]"
+	touch $@
 
 clean:
 	rm -rf $(VENV) build dist reports

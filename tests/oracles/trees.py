@@ -75,8 +75,8 @@ class Closed:
 class Tree:
     """The tree of a robot, depth first, and what closes its loops.
 
-    Pinocchio takes the joints beyond one as those that follow it: in any other order its mass
-    matrix and `constraintDynamics` are wrong without a word.
+    Pinocchio takes as beyond a joint those that follow it in the list. In another order (all feet,
+    then all slides) `constraintDynamics`, and `crba` of some robots, are wrong without a word.
     """
 
     def __init__(self, robot: Robot) -> None:

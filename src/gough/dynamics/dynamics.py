@@ -556,9 +556,7 @@ class Dynamics:
         state = _State(
             state.place, state.at, state.y, None, np.broadcast_to(codes, batch), state.reasons
         )
-        take = [state.at, *self._parameters, np.nan_to_num(state.y)]
-        if self.motors:
-            take.append(np.nan_to_num(tau))
+        take = state.at, *self._parameters, np.nan_to_num(state.y), np.nan_to_num(tau)
         found = model.kernel("direct", state.place, inputs)(*take, *loads)
         codes, reasons = self._ended(model, state, found[..., -1])
         rows = np.where((codes == 0)[..., None], found[..., :-1], np.nan)

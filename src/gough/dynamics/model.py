@@ -145,7 +145,7 @@ class Model:
         E v = 0 and E v̇ + Ė v = 0, with the rows that were left out, relative to their terms: a
         wrong relation between rates may keep inverse and direct dynamics consistent, but not these.
         """
-        if not self.closure.residual.numel() or not q:
+        if not self.closure.residual.numel() or not q or not self.given:
             return 0.0
         rates, rows = self._motion, self._residuals
         worst, p, scale = 0.0, self.assembler.p, self.assembler.row_scale

@@ -222,8 +222,8 @@ def _regularity(dynamics: Dynamics, models: Sequence[Exported]) -> list[str]:
         posed = any(unit == "1" for model in models for _, unit in model.inputs.get("x", ()))
         text += f": a leg does not reach the pose{quaternion if posed else ''}"
     text += (
-        ". Compare as in `if (!(regularity >= 1e-6))`, which catches NaN too. The other models have "
-        "no such number: where it is low theirs mean nothing either."
+        ". Compare as in `if (!(regularity >= 1e-6))`, which catches NaN too. The other models "
+        "have no such number: where it is low theirs mean nothing either."
     )
     return ["## Regularity", text]
 
