@@ -10,10 +10,10 @@ study: $(VENV)/.view  ## report on one robot
 	$(BIN)/gough study $(ROBOT) --out reports/$(ROBOT)
 
 test: lint types  ## everything that has to pass before a change lands
-	$(BIN)/pytest -n 2
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2
 
 test-long: $(VENV)/.dev  ## many more random mechanisms and mutated files
-	$(BIN)/pytest -n 2 --hypothesis-profile=long
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --hypothesis-profile=long
 
 oracles: $(VENV)/.peers  ## models against Pinocchio and MuJoCo, which `make test` leaves out
 	$(BIN)/pytest tests/oracles

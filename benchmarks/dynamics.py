@@ -41,6 +41,8 @@ AWAY = 0.05
 """States are off home by up to this, m and rad."""
 HAND, PEERS = 1e-10, 1e-8
 """Largest difference that passes, as a part of the largest number."""
+IN_BATCHES = "pinocchio in batches"
+"""Name of its figures where numpy's part works on many rows at once."""
 KINDS = ("inverse", "direct")
 NEW = 3
 """Processes that make models anew, and as many that find them in the cache."""
@@ -138,7 +140,7 @@ class States:
         return self.robot.inverse_dynamics(self.x, self.xd, self.xdd)
 
     def kernel(self, kind: str) -> Kernel:
-        return self.robot.dynamics.model("platform").kernel(kind, "x")  # type: ignore[arg-type]
+        return self.robot.dynamics.model("platform").kernel(kind, "x")
 
     def given(self, kind: str) -> list[Array]:
         """Arguments of a kernel."""
@@ -204,7 +206,7 @@ def robot_figures(name: str) -> dict[str, Any]:
     states = States.of(robot, max(ROWS))
     programs = {kind: (states.kernel(kind), states.given(kind)) for kind in KINDS}
     compared(robot.direct_dynamics(*states.given("direct")), states.xdd, PEERS, name)
-    faces = {
+    faces: dict[str, Callable[[], Any]] = {
         f"{kind}, numpy": partial(kernel, *given, threads=1)
         for kind, (kernel, given) in programs.items()
     }
@@ -222,31 +224,31 @@ def robot_figures(name: str) -> dict[str, Any]:
 
 def beside_hand_derived() -> dict[str, Any]:
     """The models of a 6-UPS platform beside those written by hand, for the same numbers."""
-    robot = hand_derived_robot()
-    states = States.of(robot, max(ROWS))
-    q, p = states.x[:, 3:], states.x[:, :3]
+    states = States.of(hand_derived_robot(), max(ROWS))
     by_hand = {"inverse": six_ups.kernel(), "direct": six_ups.direct_kernel()}
-    motion = {"inverse": states.xdd, "direct": states.tau}
-    rows = {kind: np.hstack([q, p, states.xd, motion[kind]]) for kind in KINDS}
     programs, found = {}, {}
-    for kind, own in (("inverse", states.tau), ("direct", states.xdd)):
-        kernel = states.kernel(kind)
-        written = by_hand[kind]
-        programs[kind] = kernel, states.given(kind)
-        programs[f"{kind}, by hand"] = written, [rows[kind]]
+    for kind, written in by_hand.items():
+        kernel, (x, xd, last) = states.kernel(kind), states.given(kind)
+        rows = np.hstack([x[:, 3:], x[:, :3], xd, last])
+        own = kernel(x, xd, last)[:, :-1]
+        programs |= {kind: (kernel, [x, xd, last]), f"{kind}, by hand": (written, [rows])}
         found[kind] = {
-            "largest_difference": compared(written(rows[kind]), own, HAND, f"{kind}, by hand"),
+            "largest_difference": compared(written(rows), own, HAND, f"{kind}, by hand"),
             "operations": kernel.tape.counts()["total"],
             "operations_by_hand": written.tape.counts()["total"],
         }
     ns = per_row(programs)
-    for kind in KINDS:
-        found[kind]["ratio"] = {
-            f"{size}, {width}": times[f"{kind}, {width}"] / times[f"{kind}, by hand, {width}"]
-            for size, times in ns.items()
-            for width in (f"{host().width} lanes", "scalar")
-        }
-    return found | {"ns_per_row": ns}
+    ratios = {kind: _to_hand_derived(kind, ns) for kind in KINDS}
+    return found | {"ratios": ratios, "ns_per_row": ns}
+
+
+def _to_hand_derived(kind: str, ns: dict[str, dict[str, float]]) -> dict[str, float]:
+    """The model's time over that of the one by hand, by size of batch and lanes."""
+    return {
+        f"{size}, {width}": times[f"{kind}, {width}"] / times[f"{kind}, by hand, {width}"]
+        for size, times in ns.items()
+        for width in (f"{host().width} lanes", "scalar")
+    }
 
 
 # making of models
@@ -326,7 +328,7 @@ def beside_pinocchio() -> dict[str, Any]:
             ),
             "ns_per_row": per_row({"gough": (states.kernel(kind), given)})["10000 rows"]
             | in_turns({"gough, numpy": partial(states.kernel(kind), *given, threads=1)}, max(ROWS))
-            | in_turns({"pinocchio, numpy in batches": partial(other, *few)}, CALLS),
+            | in_turns({IN_BATCHES: partial(other, *few)}, CALLS),
         }
         found[kind]["ratios"] = _ratios(found[kind])
     return found
@@ -345,17 +347,19 @@ def _bare(peer: Any, kind: str, calls: list[tuple[Array, ...]]) -> dict[str, Any
     return {"rnea alone": (lambda q, v, a: rnea(model, data, q, v, a), ready)}
 
 
-def _ratios(figures: dict[str, Any]) -> dict[str, float]:
-    """Pinocchio's time over gough's."""
-    single_call, row = figures["ns_per_single_call"], figures["ns_per_row"]
-    own, wide = single_call["gough"], row[f"gough, {host().width} lanes"]
-    peers = {name: ns for name, ns in single_call.items() if name != "gough"}
-    batches = "pinocchio, numpy in batches"
+def _ratios(figures: dict[str, Any]) -> dict[str, dict[str, float]]:
+    """Pinocchio's time over gough's: for one call, and for one row of a batch.
+
+    A row of gough's is one in wide registers or, by numpy, one of the batched function; a row of
+    Pinocchio's is one call, but for the last, where numpy's part works on batches.
+    """
+    calls, row = dict(figures["ns_per_single_call"]), figures["ns_per_row"]
+    own, batches = calls.pop("gough"), {IN_BATCHES: row[IN_BATCHES]}
+    wide, by_numpy = row[f"gough, {host().width} lanes"], row["gough, numpy"]
     return {
-        **{f"single call, {name}": ns / own for name, ns in peers.items()},
-        **{f"row, {name}": ns / wide for name, ns in peers.items()},
-        **{f"row by numpy, {name}": ns / row["gough, numpy"] for name, ns in peers.items()},
-        f"row, {batches}": row[batches] / wide,
+        "single_call": {name: ns / own for name, ns in calls.items()},
+        "row": {name: ns / wide for name, ns in (calls | batches).items()},
+        "row_by_numpy": {name: ns / by_numpy for name, ns in (calls | batches).items()},
     }
 
 

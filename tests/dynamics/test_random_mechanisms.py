@@ -23,9 +23,7 @@ def with_masses(mechanism, seed):
         weights = rng.uniform(0.1, 0.5, 6)
         com = weights @ points / weights.sum()
         r = points - com
-        J = sum(
-            w * (x @ x * np.eye(3) - np.outer(x, x)) for w, x in zip(weights, r, strict=True)
-        )
+        J = sum(w * (x @ x * np.eye(3) - np.outer(x, x)) for w, x in zip(weights, r, strict=True))
         content["bodies"][name] = Body(
             mass=float(weights.sum()),
             com=com.tolist(),

@@ -58,7 +58,7 @@ class PinocchioTree:
         return int(self.model.addJoint(parent, JOINTS[motion.kind](), placement, name))
 
     def _closing_frames(self, k: int, part: Closed) -> tuple[int, int]:
-        found = []
+        found: list[int] = []
         for body, T in zip(part.bodies, part.T_body_frame, strict=True):
             placement = self._T_joint_body[body] * pin.SE3(T)
             name = f"closing {k} {len(found)}"
@@ -122,7 +122,7 @@ class PinocchioTree:
         if np.abs(J @ a0 + gamma).max() > 1e-7 * max(1.0, np.abs(gamma).max()):
             raise ArithmeticError("no accelerations keep the loops closed")
         left, right = Z.T @ M @ Z, Z.T @ (forces - h - M @ a0)
-        return a0 + Z @ np.linalg.solve(left, right)
+        return np.asarray(a0 + Z @ np.linalg.solve(left, right))
 
     def closing_rows(self, state: Moving) -> tuple[Array, Array]:
         """J and γ with J v = 0 and J v̇ + γ = 0, redundant rows and all."""

@@ -27,7 +27,7 @@ def lagrange(robot: Robot) -> casadi.Function:
     closure = robot.models.closure
     count = len(robot.structure.variables)
     v, vd = casadi.SX.sym("v", count), casadi.SX.sym("vd", count)
-    found, gravity = Lagrange(closure), MujocoTree(robot).tree.gravity
+    found, gravity = Lagrange(closure), MujocoTree(robot).tree.gravity.tolist()
     outputs = [found.mass_matrix(), found.forces(v, vd, gravity)]
     return casadi.Function(
         "tree", [closure.q, closure.p, v, vd], list(map(casadi.densify, outputs))

@@ -124,7 +124,7 @@ class Tree:
             edge.child,
             edge.parent,
             at[edge.parent],
-            np.linalg.inv(at[edge.child]),
+            np.asarray(np.linalg.inv(at[edge.child]), dtype=float),
             tuple(_motions(edge, q, v)),
             float(scalar(body.mass, self.values)) if body else 0.0,
             np.array(com, dtype=float),
@@ -180,7 +180,7 @@ def _inertia(given: Sequence[Any]) -> Array:
 def rotation(wxyz: Array) -> Array:
     """R of a unit quaternion, (3, 3)."""
     w, r = wxyz[0], wxyz[1:]
-    return np.eye(3) + 2 * w * skew(r) + 2 * skew(r) @ skew(r)
+    return np.asarray(np.eye(3) + 2 * w * skew(r) + 2 * skew(r) @ skew(r))
 
 
 def skew(r: Array) -> Array:

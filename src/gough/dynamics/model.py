@@ -354,6 +354,8 @@ class Model:
     @cached_property
     def motors_rank(self) -> int:
         """How many independent forces the motors give, generically."""
+        if not self.actuated:
+            return 0
         rows = self.by_joints.rows_of(self.actuated)
         numbers = evaluated(self.closure, self.sampled.samples, [x for row in rows for x in row])
         numbers = numbers.reshape(len(numbers), len(self.actuated), -1)
