@@ -226,7 +226,8 @@ def beside_hand_derived() -> dict[str, Any]:
     """The models of a 6-UPS platform beside those written by hand, for the same numbers."""
     states = States.of(hand_derived_robot(), max(ROWS))
     by_hand = {"inverse": six_ups.kernel(), "direct": six_ups.direct_kernel()}
-    programs, found = {}, {}
+    programs: dict[str, tuple[Kernel, list[Array]]] = {}
+    found: dict[str, Any] = {}
     for kind, written in by_hand.items():
         kernel, (x, xd, last) = states.kernel(kind), states.given(kind)
         rows = np.hstack([x[:, 3:], x[:, :3], xd, last])

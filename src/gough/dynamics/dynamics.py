@@ -446,10 +446,9 @@ class Dynamics:
         lost = ~np.isfinite(found).all(axis=tuple(range(-width, 0)))
         if np.any(lost):
             rows = np.flatnonzero(lost.ravel()).tolist()
-            reasons = [Ending.singular.value] * len(rows)
-            if state.place == "x":
-                flat = np.broadcast_to(state.at, (*lost.shape, state.at.shape[-1]))
-                reasons = [self._why_not_reached(x) for x in flat.reshape(-1, flat.shape[-1])[rows]]
+            missing = self._missing(state.at, lost.shape, rows) if state.place == "x" else ()
+            reasons = [text or Ending.singular.value for text in missing]
+            reasons = reasons or [Ending.singular.value] * len(rows)
             raise SingularError(lost.size, rows, reasons)
         return found
 
@@ -485,7 +484,7 @@ class Dynamics:
         else:
             efforts, regularity = self._shared(model, state.place, inputs, take, weights)
         residual, null = self._rest(model, state.place, inputs, take, efforts)
-        codes, reasons = self._ended(model, state, regularity)
+        codes, reasons = self._ended(state, regularity)
         sound = (codes == 0)[..., None]
         return InverseDynamics(
             codes,
@@ -558,35 +557,34 @@ class Dynamics:
         )
         take = state.at, *self._parameters, np.nan_to_num(state.y), np.nan_to_num(tau)
         found = model.kernel("direct", state.place, inputs)(*take, *loads)
-        codes, reasons = self._ended(model, state, found[..., -1])
+        codes, reasons = self._ended(state, found[..., -1])
         rows = np.where((codes == 0)[..., None], found[..., :-1], np.nan)
         return DirectDynamics(codes, found[..., -1], reasons, rows, self.independent(space))
 
-    def _ended(
-        self, model: Model, state: _State, regularity: Array
-    ) -> tuple[NDArray[np.int8], tuple[str, ...]]:
+    def _ended(self, state: _State, regularity: Array) -> tuple[NDArray[np.int8], tuple[str, ...]]:
         """The ending of every row, and its reason in words."""
-        codes = np.broadcast_to(state.codes, regularity.shape).copy()
-        low = (codes == 0) & ~(regularity >= LIMIT)
-        outside = low & ~(regularity >= 0) & (state.place == "x")
-        codes[low] = _SINGULAR
-        codes[outside] = _OUT_OF_REACH
-        reasons = []
-        for k, code in enumerate(codes.ravel().tolist()):
-            text = "" if code == 0 else state.reasons.get(k, ENDINGS[code].value)
-            if code == _SINGULAR:
-                text += (
-                    f" (regularity {regularity.ravel()[k]:.1e}, at least {LIMIT:g} is asked for)"
-                )
-            elif code == _OUT_OF_REACH and state.place == "x":
-                text = self._why_not_reached(state.at.reshape(-1, state.at.shape[-1])[k])
-            reasons.append(text)
-        return codes.astype(np.int8), tuple(reasons)
+        codes = np.broadcast_to(state.codes, regularity.shape).astype(np.int8)
+        flat, found = codes.reshape(-1), regularity.reshape(-1)
+        flat[(flat == 0) & ~(found >= LIMIT)] = _SINGULAR
+        reasons = [""] * flat.size
+        for k in np.flatnonzero(flat).tolist():
+            reasons[k] = state.reasons.get(k, ENDINGS[flat[k]].value)
+            if flat[k] == _SINGULAR:
+                reasons[k] += f" (regularity {found[k]:.1e}, at least {LIMIT:g} is asked for)"
+        if state.place == "x":  # where no number came out the pose may be out of reach
+            rows = np.flatnonzero((flat == _SINGULAR) & ~(found >= 0)).tolist()
+            for k, missing in zip(rows, self._missing(state.at, codes.shape, rows), strict=True):
+                if missing:
+                    flat[k], reasons[k] = _OUT_OF_REACH, missing
+        return flat.reshape(codes.shape), tuple(reasons)
 
-    def _why_not_reached(self, x: Array) -> str:
+    def _missing(self, x: Array, batch: tuple[int, ...], rows: list[int]) -> Sequence[str]:
+        """What keeps rows of a flattened batch of poses from being reached, "" where nothing."""
+        if not rows:
+            return ()
         assert self.inverse_geometry is not None
-        found = self.inverse_geometry.solve(x)
-        return found.reasons[0] or Ending.singular.value
+        poses = np.broadcast_to(x, (*batch, x.shape[-1])).reshape(-1, x.shape[-1])[rows]
+        return self.inverse_geometry.solve(poses).reasons
 
     @staticmethod
     def require(solution: Solution) -> Solution:

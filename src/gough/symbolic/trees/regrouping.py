@@ -35,7 +35,7 @@ TRIES, SPREAD = 24, 0.7
 SMALL, NOTHING = 1e-7, 1e-10
 """Numbers below this in the programme's result are made zero, and below the second are."""
 RIDGE, REFINED = 1e-12, 3
-"""Regularisation of normal equations, for transfers that no small number tells of; steps of them."""
+"""Regularisation of the normal equations, for transfers that no small number tells of; steps."""
 SAME = 1e-9
 """Points that stay together to this, in characteristic lengths, are one."""
 
