@@ -24,8 +24,8 @@ COUNTS = {
     # inertial base parameters, changes without effect by sampling and by transfers at joints
     "orthoglide": (34, 126, 123),
     "gough-stewart": (82, 48, 48),
-    "3-rrr": (19, 51, 42),
-    "four-bar": (8, 22, 19),
+    "3-rrr": (19, 51, 51),
+    "four-bar": (8, 22, 22),
     "4-rpr": (24, 66, 66),
 }
 _made = {}

@@ -87,7 +87,7 @@ def test_models_of_the_whole_tree_need_no_loop(seed):
     content["joints"] = {
         name: joint for name, joint in content["joints"].items() if not name.startswith("closing")
     }
-    content["operational"] = []
+    content |= {"operational": [], "platform": None}
     robot = Robot(Mechanism.model_validate(content))
     names = robot.dynamics.independent()
     assert len(names) == len(robot.structure.variables)

@@ -24,8 +24,8 @@ from gough.studies.sweep import Sweep, sweep
 POINTS = 5
 PICTURES = {
     "four-bar": ["working-modes"],
-    "2rpr": ["velocity-factors"],
-    "five-bar": ["working-modes", "velocity-factors"],
+    "2rpr": ["efforts-by-part", "efforts-by-kind", "velocity-factors"],
+    "five-bar": ["efforts-by-part", "efforts-by-kind", "working-modes", "velocity-factors"],
 }
 
 

@@ -42,14 +42,13 @@ class Case:
         sampled = sample(assembler, self.robot.home.q, 0)
         count, actuated = len(structure.variables), structure.columns("actuated")
         self.given = structure.columns("operational")
-        order = list(dict.fromkeys([*self.given, *actuated, *range(count)]))
-        y = plans.best_independent(sampled.E, order)
+        y = plans.best_independent(sampled.E, [*self.given, *actuated], range(count))
         priority = list(dict.fromkeys([*y, *actuated, *range(count)]))
         self.samples = sampled.samples
         kept, C = plans.relations(
             sampled.E, priority, self.samples.rate_scale, self.samples.telling
         )
-        tree = Tree(self.robot.models.closure, self.samples)
+        tree = Tree(self.robot.models.closure, self.samples, C)
         self.form = ClosedForm(tree, C, kept, self.given, first_mode)
         self.nodes = {node.variables[0]: node for node in tree.nodes if node.variables}
         places = self.form.known.values()

@@ -125,7 +125,7 @@ class Model:
         for _ in range(READINGS):
             self.independent, self.kept, self.C = self._rates()
             self.given = [self.kept.index(k) for k in self.independent]
-            self.tree = Tree(self.closure, self.sampled.samples)
+            self.tree = Tree(self.closure, self.sampled.samples, self.C)
             self._frames = Frames(self.tree, JointPositions(self.tree, self.C, self.kept))
             self.selection = Selector(self.tree, self._frames, self.C, self.given).select()
             self.by_joints = Reduced(self._frames, self.C, self.selection)
@@ -182,8 +182,7 @@ class Model:
     def _rates(self) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
         """Independent and kept variables, and how the others follow."""
         E, count = self.sampled.E, len(self.structure.variables)
-        order = list(dict.fromkeys([*self._preferred(), *range(count)]))
-        y = best_independent(E, order)
+        y = best_independent(E, self._preferred(), range(count))
         motors = [k for k in self.structure.columns("actuated") if k not in y]
         rest = [k for k in range(count) if k not in (*y, *motors)]
         samples = self.sampled.samples

@@ -79,6 +79,8 @@ def with_more(sampled: Sampled, assembler: Assembler, q: Sequence[Array]) -> Sam
     E = np.concatenate([sampled.E, [_scaled(assembler, at, assembler.p) for at in q]])
     sharp = [k for k, e in enumerate(E) if _is_sharp(e, E)]
     every = [*zip(old.q, old.p, strict=True), *((at, assembler.p) for at in q)]
+    if not sharp:  # an isolated or singular assembly: nothing is regular
+        return sampled
     kept = [every[k] for k in sharp]
     samples = replace(old, q=np.array([at for at, _ in kept]), p=np.array([p for _, p in kept]))
     return Sampled(samples, E[sharp], sampled.E_open)

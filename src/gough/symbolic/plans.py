@@ -22,6 +22,8 @@ CONSTANT = 1e-8
 """Relations and entries that stay below this at every sample are zero; a guess."""
 STRONG = 0.2
 """An equation nearly as independent as the best (by this factor) is preferred if it is shorter."""
+STRONGEST = 0.5
+"""Of rates that are independent to this share of the best the first is taken; a guess."""
 TAKEN = 1e-3
 """How independent (sine of an angle to those before) a rate should be to be preferred; a guess."""
 SPARE = 3
@@ -146,21 +148,27 @@ def generic_rank(E: Array, columns: Sequence[int]) -> int:
     return _rank(E[:, :, list(columns)], _threshold(E))
 
 
-def best_independent(E: Array, order: Sequence[int]) -> list[int]:
-    """Variables whose rates tell all others, those that come first preferred.
+def best_independent(E: Array, preferred: Sequence[int], others: Sequence[int]) -> list[int]:
+    """Variables whose rates tell all others.
 
-    A variable is taken if it stays independent of those before it at some sample; of variables
-    that are equally good by the order given nothing is compared.
+    Preferred ones are taken in their order if they are independent of those before at some sample;
+    of the others always the one that stays most independent at every sample.
+
+    Args:
+        E: closure Jacobians at closed samples, (samples, rows, variables), rows and rates scaled.
+        preferred: variables that are wanted.
+        others: variables that make up for what is missing.
     """
-    threshold = _threshold(E)
-    motions = [basis for basis in _bases(E, threshold)]
-    found: list[int] = []
-    for limit in (TAKEN, CONSTANT):
-        for k in order:
-            if len(found) == motions[0].shape[1]:
-                return found
-            if k not in found and max(_smallest(T[[*found, k]]) for T in motions) > limit:
-                found.append(k)
+    motions = _bases(E, _threshold(E))
+    count, found = motions[0].shape[1], list[int]()
+    for k in preferred:
+        if len(found) < count and max(_smallest(T[[*found, k]]) for T in motions) > TAKEN:
+            found.append(k)
+    left = [k for k in others if k not in found]
+    while len(found) < count and left:
+        strength = [min(_smallest(T[[*found, k]]) for T in motions) for k in left]
+        best = next(k for k, s in enumerate(strength) if s > STRONGEST * max(strength))
+        found.append(left.pop(best))
     return found
 
 

@@ -37,6 +37,8 @@ Line = tuple[SX, SX, SX]
 Term = tuple[Node, Vector]
 """A vector and the class in whose axes it is."""
 
+EQUAL = 1e-12
+"""Relative difference of values of one function that is written in two ways."""
 FITS = 1e-6
 """How near a root has to come to the samples to be theirs; a guess, branches are far apart."""
 SEEN = 1e-10
@@ -489,7 +491,7 @@ def _line(sides: Sequence[Side]) -> Iterator[Line]:
     """(a, b, k) with a c + b s = k, if one equation says so."""
     if len(sides) == 1:
         if not sides[0].bent:
-            yield sides[0].slope[0], sides[0].slope[1], -sides[0].at
+            yield _reduced(sides[0].slope[0]), _reduced(sides[0].slope[1]), -sides[0].at
     elif (pair := _moving(sides)) is not None:
         at, x, y, fixed = pair[0].at, pair[0].slope[:, 0], pair[0].slope[:, 1], pair[1].at
         # |x| = |y| and x·y = 0, since a turn carries a circle
@@ -560,8 +562,26 @@ def _crossing(one: Line, two: Line) -> tuple[tuple[SX, SX], SX] | None:
 
 
 def _same(a: SX, b: SX) -> bool:
-    """Whether two expressions are the same, or opposed."""
-    return any(casadi.is_equal(x, y, 6) for x, y in ((a, b), (-a, b), (a, -b)))
+    """Whether two expressions are the same function, or opposed ones: at two random points."""
+    symbols = casadi.symvar(casadi.vertcat(a, b))
+    if not symbols:
+        return bool(abs(float(a)) == abs(float(b)))
+    function = casadi.Function("both", [casadi.vertcat(*symbols)], [a, b])
+    rng = np.random.default_rng(8)
+    for _ in range(2):
+        x, y = (float(v) for v in function(rng.uniform(0.3, 1.3, len(symbols))))
+        if not abs(abs(x) - abs(y)) <= EQUAL * max(abs(x), 1.0):
+            return False
+    return True
+
+
+def _reduced(x: SX) -> SX:
+    """(a / b) b as a."""
+    if x.op() == casadi.OP_MUL:
+        for quotient, factor in ((x.dep(0), x.dep(1)), (x.dep(1), x.dep(0))):
+            if quotient.op() == casadi.OP_DIV and casadi.is_equal(quotient.dep(1), factor, 99):
+                return quotient.dep(0)
+    return x
 
 
 def _hanging_together(loops: Sequence[Loop]) -> list[list[Loop]]:

@@ -163,14 +163,15 @@ class Tree:
     Args:
         closure: the mechanism.
         samples: closed configurations, from which classes are read.
+        C: all rates v = C w of kept rates w, (variables, kept).
 
     Attributes:
         nodes: parents before children; the first is the root.
         of_body: the node that carries each body, and T_node_body in the node's own axes.
     """
 
-    def __init__(self, closure: Closure, samples: Samples) -> None:
-        self.closure, self.samples = closure, samples
+    def __init__(self, closure: Closure, samples: Samples, C: Array) -> None:
+        self.closure, self.samples, self.C = closure, samples, C
         structure = closure.structure
         self.nodes: list[Node] = []
         self.of_body: dict[str, tuple[Node, Matrix, Vector]] = {}
@@ -246,17 +247,21 @@ class Tree:
     # classes
 
     def _classify(self) -> None:
-        """Give nodes whose relative orientation never changes the axes of the first of them."""
-        turns = self._orientations()
+        """Give nodes that never turn against each other the axes of the first of them.
+
+        Their orientations have to agree at every sample, and their spins for any kept rates: what
+        only a closing keeps parallel has rates of its own, which the rows of that closing give.
+        """
+        R, spins = self._orientations()
         for node in self.nodes:
             for other in dict.fromkeys(n.representative for n in self.nodes[: node.index]):
-                relative = other.index, node.index
-                R = np.swapaxes(turns[:, relative[0]], 1, 2) @ turns[:, relative[1]]
-                if np.abs(R - R[0]).max() < SAME and (
-                    self.samples.telling or self._fixed(other, node)
+                relative = np.swapaxes(R[:, other.index], 1, 2) @ R[:, node.index]
+                apart = np.abs(spins[:, node.index] - spins[:, other.index]).max(initial=0.0)
+                if np.abs(relative - relative[0]).max() < SAME and (
+                    apart < SAME if self.samples.telling else self._fixed(other, node)
                 ):
                     node.representative = other
-                    node.to_class = _matrix(R[0])
+                    node.to_class = _matrix(relative[0])
                     break
 
     @staticmethod
@@ -269,16 +274,31 @@ class Tree:
             between.append(node)
         return False
 
-    def _orientations(self) -> Array:
-        """R_root_node at every sample, (samples, nodes, 3, 3)."""
-        q, found = self.closure.q, [al.IDENTITY]
+    def _orientations(self) -> tuple[Array, Array]:
+        """R_root_node and its spin for unit kept rates, over the samples.
+
+        (samples, nodes, 3, 3) and, in root axes, (samples, nodes, 3, kept).
+        """
+        q, found, joints = self.closure.q, [al.IDENTITY], [al.IDENTITY]
         for node in self.nodes[1:]:
             assert node.parent is not None
-            R = al.matmul(found[node.parent.index], node.before)
-            found.append(al.matmul(R, rotation(node, q)))
-        flat = [SX(x) for R in found for row in R for x in row]
+            joints.append(al.matmul(found[node.parent.index], node.before))
+            found.append(al.matmul(joints[-1], rotation(node, q)))
+        flat = [SX(x) for R in (*found, *joints) for row in R for x in row]
         numbers = evaluated(self.closure, self.samples, flat)
-        return numbers.reshape(len(numbers), -1, 3, 3)
+        R, at_joint = np.split(numbers.reshape(len(numbers), -1, 3, 3), 2, axis=1)
+        factors = evaluated(self.closure, self.samples, [SX(n.factor) for n in self.nodes])
+        spins = np.zeros((*R.shape[:2], 3, len(self.C)))
+        for node in self.nodes[1:]:
+            assert node.parent is not None
+            spins[:, node.index] = spins[:, node.parent.index]
+            axes = R[:, node.index] if node.reversed else at_joint[:, node.index]
+            if node.kind == "turn":
+                axes = axes[:, :, [node.axis]]
+            if node.kind in ("turn", "ball"):
+                own = factors[:, node.index, None, None] * axes
+                spins[:, node.index][:, :, list(node.variables)] += own
+        return R, spins @ self.C
 
     def _load(self) -> None:
         """Put bodies and their inertia on nodes, in class axes."""
