@@ -13,6 +13,8 @@ from tests.dynamics.maximal import Maximal
 LONG = os.environ.get("HYPOTHESIS_PROFILE") == "long"
 STATES = 200 if LONG else 6
 EXACT = 1e-9
+FAR = 1e-10
+"""Of accelerations against maximal coordinates, where rounding grows near singularities."""
 
 
 @pytest.fixture(scope="module", params=sorted(catalogue.names()))
@@ -65,7 +67,7 @@ def test_direct_dynamics_is_that_of_maximal_coordinates(robot, states, rates):
         change = model.kernel("accelerations", "q")(q[k], *parameters, v[k], found.accelerations[k])
         given = dict(zip(dynamics.motors, efforts[k], strict=True))
         expected = truth.tree_accelerations(q[k], all_rates, given)
-        tolerance = EXACT * scale(expected, all_rates**2)
+        tolerance = FAR * scale(expected, all_rates**2)
         np.testing.assert_allclose(change, expected, rtol=0, atol=tolerance)
 
 

@@ -26,6 +26,7 @@ from gough.dynamics.identification.trajectories import (
     exciting_trajectory,
 )
 from gough.dynamics.model import Space
+from gough.errors import ConfigurationError
 
 Array = NDArray[np.float64]
 
@@ -118,7 +119,15 @@ class Identification:
         noise: ArrayLike | None = None,
         weights: ArrayLike | None = None,
     ) -> Estimate:
-        """Base parameters from measured efforts, by weighted least squares; see `estimation`."""
+        """Base parameters from measured efforts, by weighted least squares; see `estimation`.
+
+        Raises:
+            ConfigurationError: ``states`` are none, or a shape is wrong.
+        """
+        if not isinstance(states, States):
+            raise ConfigurationError(
+                f"states are {states!r}; make them with identification.states(…)"
+            )
         return estimate(self.regressor, self.base, states, efforts, noise, weights)
 
     def full(self, values: ArrayLike | Estimate) -> Array:
