@@ -6,7 +6,7 @@ import pytest
 
 from gough import load
 from gough.dynamics.check import AGREED, check_dynamics
-from gough.dynamics.model import PLAIN
+from gough.dynamics.writing import PLAIN
 from gough.errors import ConfigurationError
 from gough.symbolic.trees.forces import Loads
 

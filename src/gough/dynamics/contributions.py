@@ -22,8 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from gough.algebra import Scalar, Vector
 from gough.dynamics.dynamics import LIMIT, Dynamics
-from gough.dynamics.model import Inputs, Model, Space, Writing
+from gough.dynamics.model import Model, Space
 from gough.dynamics.results import Ending
+from gough.dynamics.writing import Inputs, Writing
 from gough.errors import ConfigurationError, SingularError, UnknownName
 from gough.kernels import Kernel
 from gough.symbolic.trees.forces import Loads

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough.dynamics.dynamics import Dynamics
-from gough.dynamics.model import Model, Place, Space
+from gough.dynamics.model import Model, Space
+from gough.dynamics.writing import Place
 from gough.errors import ConfigurationError
 from gough.kernels import Kernel
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gough.assembly import Assembler
-from gough.dynamics.model import PLAIN, Inputs, Model, Place, Space
+from gough.dynamics.model import Model, Space
 from gough.dynamics.results import ENDINGS, DirectDynamics, Ending, InverseDynamics
+from gough.dynamics.writing import PLAIN, Inputs, Place
 from gough.errors import ConfigurationError, OutOfReach, SingularError, UnknownName
 from gough.geometry.inverse import InverseGeometry
 from gough.geometry.rates import Kinematics

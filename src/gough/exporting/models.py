@@ -10,7 +10,8 @@ from math import prod
 import numpy as np
 
 from gough.dynamics.dynamics import Dynamics
-from gough.dynamics.model import Model, Place, Space
+from gough.dynamics.model import Model, Space
+from gough.dynamics.writing import Place
 from gough.errors import ConfigurationError
 from gough.geometry.coordinates import position_names
 from gough.kernels import Kernel
@@ -32,7 +33,7 @@ DYNAMICS = {
     "accelerations": "accelerations",
     "motor_jacobian": "motor_jacobian",
 }
-"""Names of exported models, and those in `gough.dynamics.model.MODELS`."""
+"""Names of exported models, and those in `gough.dynamics.writing.MODELS`."""
 ABOUT = CLOSURE_MODELS | {
     "inverse_dynamics": "efforts of the motors for rates y and accelerations yd, then the "
     "regularity",

@@ -28,7 +28,8 @@ from gough import algebra as al
 from gough.algebra import Scalar, Vector
 from gough.dynamics.dynamics import Dynamics
 from gough.dynamics.identification.parameters import ENTRIES, INERTIAL, Parameters
-from gough.dynamics.model import PLAIN, Space, Writing
+from gough.dynamics.model import Space
+from gough.dynamics.writing import PLAIN, Writing
 from gough.errors import ConfigurationError
 from gough.kernels import Kernel
 from gough.symbolic.trees.forces import Loads
