@@ -65,26 +65,22 @@ def case(request):
     return Case(request.param)
 
 
-def rotor_free(case):
-    joints = case.robot.structure.flat.joints.values()
-    return not any(joint.motor and joint.motor.inertia for joint in joints)
-
-
 def test_reactions_are_those_of_maximal_coordinates_where_unique(case):
-    if not rotor_free(case):
-        pytest.skip("maximal coordinates have no rotors")
     truth, found, flat = Maximal(case.robot), case.found, case.robot.structure.flat
     efforts = dict(zip(found.motors, case.efforts, strict=True))
     state = truth.state(case.q, case.v)
     if flat.couplings:
         pytest.skip("maximal coordinates give the forces of couplings apart")
-    expected = truth.reactions(case.q, case.v, efforts, case.gravity, case.wrench)
+    given = case.q, case.v, efforts, case.gravity, case.wrench
+    expected, changes = truth.reactions(*given), truth.tree_accelerations(*given)
+    index = {variable.name: k for k, variable in enumerate(case.robot.structure.variables)}
     for name, wrench in expected.items():
         joint = flat.joints[name]
         if name in efforts:
             link = truth.joints[name]
             z = (state.T_root[joint.bodies[0]] @ link.T_body_frame[0])[:3, 2]
-            wrench[EFFORT[joint.type]] += efforts[name] * z
+            felt = efforts[name] - truth.rotors.get(name, 0.0) * changes[index[name]]
+            wrench[EFFORT[joint.type]] += felt * z
         unique = found.is_unique(name)
         size = max(1.0, np.abs(found.wrench).max())
         close_to(found.of(name)[unique] / size, wrench[unique] / size)

@@ -109,7 +109,8 @@ class Model:
             self.by_joints = Reduced(self._frames, self.C, self.selection)
             fresh = [self.assembler.wander(self.home, rng, reach) for reach in FRESH]
             found = [q for q in fresh if q is not None]
-            if self._violation(found, rng) < PROVED:
+            # a mechanism that can not move away is at least tried where it is
+            if self._violation(found or [self.home], rng) < PROVED:
                 return
             self.sampled = with_more(self.sampled, self.assembler, found)
         raise ConfigurationError(
@@ -123,7 +124,7 @@ class Model:
         E v = 0 and E v̇ + Ė v = 0, with the rows that were left out, relative to their terms: a
         wrong relation between rates may keep inverse and direct dynamics consistent, but not these.
         """
-        if not self.closure.residual.numel() or not q or not self.given:
+        if not self.closure.residual.numel() or not self.given:
             return 0.0
         rates, rows = self._motion, self._residuals
         worst, p, scale = 0.0, self.assembler.p, self.assembler.row_scale
@@ -133,8 +134,8 @@ class Model:
             size = float(np.abs(np.array(v)).max())
             terms = float(np.abs(second).max() + np.abs(carried).max())
             if np.isfinite(terms) and terms < FAR:
-                worst = max(worst, np.abs(first).max() / size)
-                worst = max(worst, np.abs(second + carried).max() / max(terms, size**2))
+                worst = max(worst, float(np.abs(first).max()) / size)
+                worst = max(worst, float(np.abs(second + carried).max()) / max(terms, size**2))
         return worst
 
     @property
