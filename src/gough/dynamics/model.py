@@ -22,11 +22,12 @@ from gough.geometry.coordinates import Coordinates
 from gough.geometry.samples import sample, with_more
 from gough.kernels import Kernel
 from gough.models import Models
+from gough.symbolic.closing_rates import evaluated
 from gough.symbolic.plans import best_independent, generic_rank, relations
 from gough.symbolic.trees.closed_form import ClosedForm
 from gough.symbolic.trees.forces import Loads
 from gough.symbolic.trees.frames import Frames
-from gough.symbolic.trees.nodes import Tree, evaluated
+from gough.symbolic.trees.nodes import Tree
 from gough.symbolic.trees.positions import JointPositions
 from gough.symbolic.trees.reduced import Reduced
 from gough.symbolic.trees.regrouping import Regrouped, regroupings

@@ -14,9 +14,9 @@ from gough import algebra as al
 from gough.algebra import Scalar, Vector
 from gough.errors import ConfigurationError
 from gough.kernels import Kernel
+from gough.symbolic.closing_rates import evaluated
 from gough.symbolic.trees.factors import Factors, Grid, solve_definite
 from gough.symbolic.trees.forces import Loads
-from gough.symbolic.trees.nodes import evaluated
 
 if TYPE_CHECKING:
     from gough.dynamics.model import Model

@@ -13,12 +13,11 @@ import casadi
 from gough import algebra as al
 from gough.algebra import Scalar
 from gough.kernels.solves import ldlt_solve
+from gough.symbolic.trees.factors import COFACTORS, Factors, either, reciprocal
 
 SX = casadi.SX
 Row = dict[int, Scalar]
 """Entries by unknown; those that are zero are absent."""
-COFACTORS = 3
-"""Largest number of unknowns that cofactors are used for."""
 
 
 def solve_unique(
@@ -84,36 +83,10 @@ def solve_nearest(
 def _by_cofactors(
     rows: Sequence[Row], right: Sequence[Sequence[Scalar]], unknowns: Sequence[int]
 ) -> dict[int, list[Scalar]]:
-    """Cramer's rule: row j of the inverse is a cross product of the other columns over det A."""
-    columns = [[row.get(k, 0.0) for row in rows] for k in unknowns]
-    match len(unknowns):
-        case 0:
-            return {}
-        case 1:
-            inverse = [[1.0]]
-        case 2:
-            (a, b), (c, d) = columns
-            inverse = [[d, _negative(c)], [_negative(b), a]]
-        case _:
-            x, y, z = (tuple(column) for column in columns)
-            inverse = [list(al.cross(y, z)), list(al.cross(z, x)), list(al.cross(x, y))]
-    determinant = al.dot(inverse[0], columns[0])
-    scale = _inverse(determinant)
-    found = {}
-    for k, cofactors in zip(unknowns, inverse, strict=True):
-        by_column = zip(*right, strict=True)
-        found[k] = [al.mul(scale, al.dot(cofactors, column)) for column in by_column]
-    return found
-
-
-def _negative(x: Scalar) -> Scalar:
-    return al.mul(-1.0, x)
-
-
-def _inverse(x: Scalar) -> Scalar:
-    if al.is_number(x):
-        return 1.0 / x if x else float("inf")
-    return 1.0 / x
+    """Every column of the right-hand side by the cofactors of one small matrix."""
+    factors = Factors([[row.get(k, 0.0) for k in unknowns] for row in rows])
+    columns = [factors.solve(column) for column in zip(*right, strict=True)]
+    return {k: [column[j] for column in columns] for j, k in enumerate(unknowns)}
 
 
 # elimination
@@ -142,7 +115,7 @@ class Elimination:
             table = [item for item in table if column not in item[0]]
             holders = _largest_first(holders, column)
             pivot, own = holders[0]
-            inverse = _inverse(pivot[column])
+            inverse = reciprocal(pivot[column])
             self._pivots.append((column, pivot, own, inverse))
             table += [_reduced(item, holders[0], column, inverse) for item in holders[1:]]
         self.left = [row for row, _ in table]
@@ -175,14 +148,8 @@ def _largest_first(items: list[Item], column: int) -> list[Item]:
 
 
 def _selected(condition: Scalar, a: Item, b: Item, union: Sequence[int]) -> Item:
-    row = {k: _either(condition, a[0].get(k, 0.0), b[0].get(k, 0.0)) for k in union}
-    return row, [_either(condition, x, y) for x, y in zip(a[1], b[1], strict=True)]
-
-
-def _either(condition: Scalar, a: Scalar, b: Scalar) -> Scalar:
-    if al.is_number(a) and al.is_number(b) and a == b:
-        return a
-    return casadi.if_else(condition, a, b)
+    row = {k: either(condition, a[0].get(k, 0.0), b[0].get(k, 0.0)) for k in union}
+    return row, [either(condition, x, y) for x, y in zip(a[1], b[1], strict=True)]
 
 
 def _reduced(item: Item, pivot: Item, column: int, inverse: Scalar) -> Item:

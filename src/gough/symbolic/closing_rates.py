@@ -43,6 +43,16 @@ class Samples:
     """Whether they are enough to tell what never changes."""
 
 
+def evaluated(closure: Closure, samples: Samples, scalars: Sequence[Scalar]) -> Array:
+    """Scalars of (q, p) at every sample, (samples, scalars)."""
+    if not len(scalars):
+        return np.zeros((len(samples.q), 0))
+    column = casadi.densify(SX(casadi.vertcat(*[SX(x) for x in scalars])))
+    function = casadi.Function("scalars", [closure.q, closure.p], [column])
+    pairs = zip(samples.q, samples.p, strict=True)
+    return np.array([np.array(function(q, p)).ravel() for q, p in pairs])
+
+
 class ClosingRates:
     """E C and the rate of E C w at closed configurations, with v = C w of kept rates w.
 
@@ -94,13 +104,9 @@ class ClosingRates:
 
     def _evaluated(self, vectors: list[Vector]) -> Array:
         """Vectors at every sample, (samples, vectors, 3)."""
-        if not vectors:
-            return np.zeros((len(self.samples.q), 0, 3))
-        column = casadi.vertcat(*[component for vector in vectors for component in vector])
-        inputs = [self.closure.q, self.closure.p]
-        function = casadi.Function("vectors", inputs, [casadi.densify(SX(column))])
-        pairs = zip(self.samples.q, self.samples.p, strict=True)
-        return np.array([np.array(function(q, p)).reshape(-1, 3) for q, p in pairs])
+        flat = [component for vector in vectors for component in vector]
+        numbers = evaluated(self.closure, self.samples, flat)
+        return numbers.reshape(len(numbers), len(vectors), 3)
 
 
 class _Loop:

@@ -19,7 +19,7 @@ from gough import algebra as al
 from gough.algebra import Matrix, Scalar, Transform, Vector
 from gough.description.values import scalar, vector
 from gough.joints.base import Element
-from gough.symbolic.closing_rates import Samples
+from gough.symbolic.closing_rates import Samples, evaluated
 from gough.symbolic.closure import Closure
 from gough.topology import Closing, Edge
 
@@ -374,16 +374,6 @@ def shifted(mass: Scalar, r: Vector) -> Matrix:
         tuple(al.mul(mass, al.sub(square if i == k else 0.0, al.mul(r[i], r[k]))) for k in range(3))
         for i in range(3)
     )  # type: ignore[return-value]
-
-
-def evaluated(closure: Closure, samples: Samples, scalars: Sequence[Scalar]) -> Array:
-    """Scalars of (q, p) at every sample, (samples, scalars)."""
-    if not len(scalars):
-        return np.zeros((len(samples.q), 0))
-    column = casadi.densify(SX(casadi.vertcat(*[SX(x) for x in scalars])))
-    function = casadi.Function("scalars", [closure.q, closure.p], [column])
-    pairs = zip(samples.q, samples.p, strict=True)
-    return np.array([np.array(function(q, p)).ravel() for q, p in pairs])
 
 
 def _reversed(elements: Sequence[Element]) -> tuple[list[Element], Vector]:

@@ -11,8 +11,9 @@ from scipy.optimize import linprog
 
 from gough import algebra as al
 from gough.algebra import Vector
+from gough.symbolic.closing_rates import evaluated
 from gough.symbolic.trees.frames import Frames
-from gough.symbolic.trees.nodes import Inertia, Node, Tree, evaluated, outermost
+from gough.symbolic.trees.nodes import Inertia, Node, Tree, outermost
 from gough.symbolic.trees.ties import ties
 from gough.symbolic.trees.transfers import (
     NUMBERS,

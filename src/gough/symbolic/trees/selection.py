@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from gough import algebra as al
 from gough.algebra import Scalar
 from gough.errors import ConfigurationError
+from gough.symbolic.closing_rates import evaluated
 from gough.symbolic.plans import Block, Kind, components, triangular
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion
-from gough.symbolic.trees.nodes import Node, Tree, evaluated
+from gough.symbolic.trees.nodes import Node, Tree
 from gough.symbolic.trees.ties import Rows, Tie, distances, ties
 
 Array = NDArray[np.float64]

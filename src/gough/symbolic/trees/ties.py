@@ -18,9 +18,10 @@ from gough.description.values import scalar
 from gough.joints import TYPES
 from gough.joints.base import Dimensions, Hold
 from gough.joints.constraints import CONSTRAINTS
+from gough.symbolic.closing_rates import evaluated
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion, Twisted
-from gough.symbolic.trees.nodes import End, Node, Tree, evaluated, outermost
+from gough.symbolic.trees.nodes import End, Node, Tree, outermost
 
 NEVER = 1e-10
 """Distances that change by less, in characteristic lengths, are constant; a guess."""
