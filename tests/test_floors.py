@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).parents[1] / "src" / "gough"
 FLOORS = [
     {"errors", "algebra"},
     {"cache"},
-    {"joints", "kernels", "numerics"},
+    {"joints", "actuators", "kernels", "numerics", "ensembles", "uncertainty"},
     {"description"},
     {"topology", "formats", "catalogue"},
     {"symbolic"},
@@ -17,7 +17,7 @@ FLOORS = [
     {"assembly"},
     {"analysis", "geometry"},
     {"dynamics"},
-    {"exporting"},
+    {"exporting", "simulation"},
     {"robot"},
     {"view"},
     {"studies", "catalogue_facts"},
@@ -25,16 +25,21 @@ FLOORS = [
 ]
 LEVEL = {room: k for k, floor in enumerate(FLOORS) for room in floor}
 HEAVY = {
-    "casadi": {"kernels", "symbolic", "models", "geometry", "dynamics"},
+    "casadi": {"kernels", "symbolic", "models", "geometry", "dynamics", "simulation"},
     "llvmlite": {"kernels", "numerics"},
     "numba": {"numerics"},
     "matplotlib": {"view"},
-    "scipy": {"analysis", "symbolic", "dynamics"},
+    "scipy": {"simulation", "analysis", "symbolic", "dynamics", "uncertainty"},
     "pydantic": {"description", "formats"},
     "yaml": {"formats"},
     "click": {"cli"},
     "flint": {"numerics"},
-    "xarray": {"geometry"},
+    "xarray": {"simulation", "geometry", "ensembles"},
+    "zarr": {"ensembles"},
+    "dask": {"ensembles"},
+    "distributed": {"ensembles"},
+    "cloudpickle": {"ensembles"},
+    "rich": {"ensembles", "cli"},
 }
 
 

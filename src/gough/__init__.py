@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gough.analysis.analysis import Analysis
     from gough.description import (
+        Actuator,
         Body,
         Constraint,
         Coupling,
@@ -38,6 +39,7 @@ __version__ = "0.1.0"
 _ROOMS = {
     "gough.analysis.analysis": ("Analysis",),
     "gough.description": (
+        "Actuator",
         "Body",
         "Constraint",
         "Coupling",
@@ -62,6 +64,7 @@ _ROOMS = {
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
 __all__ = [
+    "Actuator",
     "Analysis",
     "Body",
     "ClosureError",

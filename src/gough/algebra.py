@@ -35,7 +35,7 @@ def is_number(x: Scalar) -> bool:
 
 
 def apply(function: str, x: Scalar) -> Scalar:
-    """sin, cos, tan, asin, acos or sqrt of a number or a symbol."""
+    """A function of one variable that `math` knows, of a number or a symbol."""
     if is_number(x):
         try:
             return getattr(math, function)(x)
@@ -64,6 +64,40 @@ def sin(x: Scalar) -> Scalar:
 def sqrt(x: Scalar) -> Scalar:
     """Square root."""
     return apply("sqrt", x)
+
+
+def exp(x: Scalar) -> Scalar:
+    """e to the power x."""
+    return apply("exp", x)
+
+
+def tanh(x: Scalar) -> Scalar:
+    """Hyperbolic tangent."""
+    return apply("tanh", x)
+
+
+def erf(x: Scalar) -> Scalar:
+    """Error function."""
+    return apply("erf", x)
+
+
+def absolute(x: Scalar) -> Scalar:
+    """|x|."""
+    return apply("fabs", x)
+
+
+def maximum(a: Scalar, b: Scalar) -> Scalar:
+    """The larger of two."""
+    if is_number(a) and is_number(b):
+        return max(a, b)
+    return b.fmax(a) if is_number(a) else a.fmax(b)
+
+
+def minimum(a: Scalar, b: Scalar) -> Scalar:
+    """The smaller of two."""
+    if is_number(a) and is_number(b):
+        return min(a, b)
+    return b.fmin(a) if is_number(a) else a.fmin(b)
 
 
 def mul(a: Scalar, b: Scalar) -> Scalar:

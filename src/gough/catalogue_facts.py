@@ -14,8 +14,10 @@ KEYS = ("architecture", "mobility", "loops", "redundant_equations")
 
 def compute(name: str) -> dict[str, Any]:
     """The facts of one robot of the catalogue."""
-    found = load(name).analyse().as_dict()
-    return {"name": name, **{key: found[key] for key in KEYS}}
+    robot = load(name)
+    found = robot.analyse().as_dict()
+    facts = {key: found[key] for key in KEYS}
+    return {"name": name, **facts, "variants": list(robot.mechanism.variants)}
 
 
 def main() -> None:

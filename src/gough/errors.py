@@ -98,3 +98,11 @@ def closest(name: str, known: Sequence[str]) -> str:
     hint = f" Did you mean {near[0]!r}?" if near else ""
     shown = ", ".join(known[:12]) + (f", … ({len(known)} in all)" if len(known) > 12 else "")
     return f"{hint} Known: {shown}." if known else hint
+
+
+class MissingExtra(GoughError, ImportError):
+    """A package is wanted that an extra of this library would have installed."""
+
+    def __init__(self, purpose: str, package: str, extra: str) -> None:
+        self.extra = extra
+        super().__init__(f'{purpose} needs {package}; install it with pip install "gough[{extra}]"')

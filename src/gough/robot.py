@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -40,6 +41,9 @@ if TYPE_CHECKING:
     from gough.geometry.path_routes import Path as Path_
     from gough.geometry.rates import Kinematics
     from gough.geometry.tracking import OnSingularity, Tracker
+    from gough.simulation.controllers import Sampled
+    from gough.simulation.equations import CommandSource
+    from gough.simulation.simulate import Simulator
 
 Array = NDArray[np.float64]
 
@@ -68,6 +72,8 @@ class Origin:
     parameters: dict[str, Any]
     """Values that replaced those of the description."""
     modelling: Modelling | None
+    variants: tuple[str, ...] = ()
+    """Variants of the description, in the order in which their changes were merged."""
 
 
 class Robot:
@@ -533,6 +539,98 @@ class Robot:
 
     # programs
 
+    # simulation
+
+    @cached_property
+    def simulator(self) -> Simulator:
+        """What makes simulations."""
+        from gough.simulation.simulate import Simulator
+
+        return Simulator(self.dynamics, {"robot": self.name, **self._told})
+
+    @property
+    def _told(self) -> dict[str, str]:
+        """What a dataset says of the robot it is of."""
+        if self.origin is None:
+            return {}
+        given = {name: str(value) for name, value in self.origin.parameters.items()}
+        return {"variants": ", ".join(self.origin.variants), "parameters": json.dumps(given)}
+
+    def simulate(
+        self,
+        duration: float,
+        x0: ArrayLike | None = None,
+        v0: ArrayLike | None = None,
+        *,
+        q0: ArrayLike | None = None,
+        inputs: Mapping[str, Any] | None = None,
+        controller: CommandSource | Sampled | None = None,
+        events: Mapping[str, Any] | None = None,
+        gravity: ArrayLike | None = None,
+        method: str = "dormand-prince",
+        rtol: float = 1e-8,
+        atol: float | None = None,
+        times: int | ArrayLike = 201,
+        max_step: float = np.inf,
+        max_steps: int = 10_000_000,
+    ) -> xarray.Dataset:
+        """A motion from a start under the actuators, as a dataset over time.
+
+        Args:
+            duration: s.
+            x0: operational coordinates at the start, (n,); a pose (x, y, z, then the quaternion w,
+                x, y, z) where all six freedoms of the platform are; home by default.
+            v0: rates of the outputs, (outputs,): of a pose the twist (linear, angular) in base
+                axes; of the independent joints of a mechanism without outputs; 0 by default.
+            q0: a configuration instead of x0, (positions,).
+            inputs: what actuators are told, by joint or by the name of the actuator: a number, or
+                a table (times, values) joined by straight lines; N and N m.
+            controller: what tells the actuators besides; see `gough.simulation.controllers`.
+            events: what is looked for, by name: expressions such as "platform.z - 0.5" that change
+                their sign, or `gough.When`.
+            gravity: in base axes, (3,), m/s²; that of the description by default.
+            method: "dormand-prince", or with scikit-sundae "adams" or "bdf".
+            rtol: relative tolerance of the local error.
+            atol: absolute tolerance, in the unit of each state; rtol by default.
+            times: how many times the motion is seen at, evenly spaced, or which, s.
+            max_step: longest step, s.
+            max_steps: largest number of steps.
+
+        Returns:
+            Variables over ``time``: ``pose`` and ``twist`` (or ``x`` and ``xd``), ``q`` and ``v``
+            of all joints, ``actuator_force``, ``actuator_position``, ``actuator_rate``,
+            ``actuator_memory``, ``energy_kinetic``, ``…_potential``, ``…_stored``,
+            ``…_delivered``, ``…_dissipated`` and ``energy_balance_error``; ``event_time`` over
+            ``event``; ``ending``, a word whose long name says how the run ended. Times behind an
+            early end are left out.
+
+        Raises:
+            ConfigurationError: an argument has the wrong form or value.
+            UnknownName: a joint, an actuator or a method does not exist.
+            SingularError: x0 is out of reach.
+            MissingExtra: the method needs a package that is not installed.
+        """
+        from gough.simulation.simulate import Request
+
+        return self.simulator.run(
+            Request(
+                duration,
+                x0,
+                v0,
+                q0,
+                inputs,
+                controller,
+                events,
+                gravity,
+                method,
+                rtol,
+                atol,
+                times,
+                max_step,
+                max_steps,
+            )
+        )
+
     @cached_property
     def _exported(self) -> list[Exported]:
         from gough.exporting import exported_models
@@ -633,6 +731,7 @@ def _rotation_vector_last(position: Array) -> Array:
 def load(
     robot: str | Path,
     modelling: Modelling | None = None,
+    variants: str | Sequence[str] = (),
     **parameters: Any,
 ) -> Robot:
     """The robot of a description file, or of a name in the catalogue.
@@ -640,16 +739,18 @@ def load(
     Args:
         robot: a path, or the name of a robot of the catalogue.
         modelling: see ``Mechanism.modelling``.
-        parameters: values that replace those of the description's parameters.
+        variants: names of variants of the description; their changes are made in this order.
+        parameters: values that then replace those of the description's parameters.
 
     Raises:
         DescriptionError: the file is missing or something in it is wrong.
-        UnknownName: there is no such robot, or no such parameter.
+        UnknownName: there is no such robot, no such variant, or no such parameter.
     """
+    chosen = (variants,) if isinstance(variants, str) else tuple(variants)
     source = open_source(robot)
-    mechanism = source.mechanism(parameters)
-    loaded = source.locating(lambda: Robot(mechanism, modelling))
-    loaded.origin = Origin(str(robot), parameters, modelling)
+    mechanism = source.mechanism(parameters, chosen)
+    loaded = source.varied(chosen).locating(lambda: Robot(mechanism, modelling))
+    loaded.origin = Origin(str(robot), parameters, modelling, chosen)
     return loaded
 
 

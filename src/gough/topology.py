@@ -314,12 +314,12 @@ class _Builder:
         problems = []
         for edge in cut:
             if not self._cuttable(edge):
-                why = "is actuated" if edge.actuated else "is in a coupling or an output"
+                why = self._why_kept(edge)
                 problems.append(
                     Problem(
                         f"joint {edge.name!r} {why} and can not be cut, and no other joint of its "
-                        "loop can: a loop needs a passive joint, and a motor a body that only "
-                        "joints place",
+                        "loop can: a loop needs a passive joint without actuators, and a motor a "
+                        "body that only joints place",
                         self.flat.paths["joints", edge.name],
                         on_key=True,
                     )
@@ -331,6 +331,12 @@ class _Builder:
                 problems.append(Problem(text, ("cut", k)))
         if problems:
             raise DescriptionError(problems, source=self.mechanism.name)
+
+    def _why_kept(self, edge: Edge) -> str:
+        if edge.actuated:
+            return "is actuated"
+        has_law = edge.name in self.flat.joints and self.flat.joints[edge.name].actuators
+        return "has actuators" if has_law else "is in a coupling or an output"
 
     def _rooted(self, tree: list[Edge]) -> tuple[Edge, ...]:
         """The joints of the tree with their parents, free links first, parents before children."""
@@ -386,9 +392,10 @@ def _piece(platform: str, joint: str) -> str:
 
 
 def _bound_joints(mechanism: Mechanism, flat: Flat) -> set[str]:
-    """Joints whose variables are named by a coupling or as outputs, and so have to exist."""
+    """Joints whose variables have to exist: of couplings, of outputs, and with actuators."""
     coupled = {joint for coupling in flat.couplings.values() for joint in coupling.terms}
-    return coupled | (set(mechanism.operational) & flat.joints.keys())
+    acted_on = {name for name, joint in flat.joints.items() if joint.actuators}
+    return coupled | acted_on | (set(mechanism.operational) & flat.joints.keys())
 
 
 # legs

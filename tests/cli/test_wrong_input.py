@@ -95,8 +95,8 @@ WRONG = {
         "there is no function '__import__'",
     ),
     "unknown entry": (
-        ("actuated: true", "actuator: true"),
-        ":9:46: joints.A.actuator: there is no entry 'actuator' here. Did you mean 'actuated'?",
+        ("actuated: true", "actuate: true"),
+        ":9:46: joints.A.actuate: there is no entry 'actuate' here. Did you mean 'actuated'?",
     ),
     "motor of a passive joint": (
         ("bodies: [crank, coupler]", "motor: {ratio: 50}, bodies: [crank, coupler]"),

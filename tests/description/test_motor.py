@@ -3,7 +3,6 @@
 import pytest
 
 from gough import DescriptionError, Joint, Mechanism, Motor, Robot, load
-from gough.description.expression import Expression
 from gough.description.flat import flatten
 from gough.formats.native import Source
 
@@ -158,7 +157,10 @@ def test_a_part_named_like_an_entry_has_its_own_entries(name):
 
 
 def test_the_reels_of_the_hexapod_follow_their_radius():
-    mechanism = load("deployable-hexapod", reel_radius=0.1).mechanism
-    motors = [joint.motor for joint in flatten(mechanism).joints.values() if joint.motor]
-    assert motors == [Motor(inertia="reel_inertia", ratio="1/reel_radius")] * 6
-    assert motors[0].ratio == Expression("1/reel_radius")
+    robot = load("deployable-hexapod", reel_radius=0.1)
+    slides = [j for j in flatten(robot.mechanism).joints.values() if j.type == "prismatic"]
+    assert [slide.actuators["reel"].law for slide in slides] == ["reel"] * 6
+    rotors = robot.dynamics.model("joint").rotors
+    names = [robot.structure.variables[k].name for k in rotors]
+    assert names == [f"leg{i + 1}.slide" for i in range(6)]
+    assert list(rotors.values()) == pytest.approx([2e-4 / 0.1**2] * 6)

@@ -294,7 +294,7 @@ class Maximal:
 
     @property
     def rotors(self) -> dict[str, float]:
-        """ratio² · inertia of every motor that has a rotor, by joint."""
+        """ratio² · inertia of every motor with a rotor, inertia/radius² of reels, by joint."""
         found = {}
         for name, joint in self.robot.structure.flat.joints.items():
             if joint.motor is not None:
@@ -303,6 +303,13 @@ class Maximal:
                     for x in (joint.motor.ratio, joint.motor.inertia)
                 )
                 found[name] = ratio**2 * inertia
+            for actuator in joint.actuators.values():
+                if actuator.law == "reel":
+                    inertia, radius = (
+                        float(scalar(actuator.numbers[x], self.robot.assembler.values))
+                        for x in ("inertia", "radius")
+                    )
+                    found[name] = found.get(name, 0.0) + inertia / radius**2
         return found
 
     def _inertia(self, body: str) -> Inertia:

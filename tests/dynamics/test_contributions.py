@@ -24,7 +24,7 @@ ROBOTS = [
     "4-rpr",
     "3-upu",
     "par4",
-    "deployable-hexapod",
+    "deployable-hexapod+massive-legs",
     "3-rrr",
 ]
 
@@ -80,7 +80,8 @@ def test_orthoglide_platform_is_a_mass(glide):
 @pytest.fixture(scope="module", params=ROBOTS)
 def motion(request):
     """A robot, and motions of its outputs near home."""
-    robot = load(request.param)
+    name, *variants = request.param.split("+")
+    robot = load(name, variants=variants)
     rng = np.random.default_rng(3)
     inverse = robot.dynamics.inverse_geometry
     found = []
@@ -115,7 +116,9 @@ def test_every_body_and_motor_is_in_one_part(motion):
     assert sorted(bodies + ground) == sorted({*structure.flat.bodies, *ground})
     joints = [joint for part in parts for joint in part.joints]
     assert len(joints) == len(set(joints))
-    motors = {name for name, joint in structure.flat.joints.items() if joint.motor}
+    motors = {
+        name for name, joint in structure.flat.joints.items() if joint.motor or joint.actuators
+    }
     assert motors <= set(joints)
 
 

@@ -22,12 +22,17 @@ from gough.cli.common import (
 @json_option
 @reporting_errors
 def command(
-    robot: str, settings: tuple[str, ...], modelling: Any, seed: int, as_json: bool
+    robot: str,
+    settings: tuple[str, ...],
+    variants: tuple[str, ...],
+    modelling: Any,
+    seed: int,
+    as_json: bool,
 ) -> None:
     """Mobility, ranks, defects, redundant equations and singularity of ROBOT at its home."""
     from gough.robot import load
 
-    analysis = load(robot, modelling, **parsed(settings)).analyse(seed)
+    analysis = load(robot, modelling, variants, **parsed(settings)).analyse(seed)
     if as_json:
         print_json(analysis.as_dict())
     else:

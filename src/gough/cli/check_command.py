@@ -32,14 +32,19 @@ def _print_schema(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     help="Print the JSON schema of descriptions, for editors.",
 )
 @reporting_errors
-def command(robot: str, settings: tuple[str, ...], modelling: Any, as_json: bool) -> None:
-    """Check the description ROBOT and whether its loops close.
+def command(
+    robot: str, settings: tuple[str, ...], variants: tuple[str, ...], modelling: Any, as_json: bool
+) -> None:
+    """Check the description ROBOT, each of its variants, and whether its loops close.
 
     All errors of the file are printed at once, each with file:line:column.
     """
-    from gough.robot import load
+    from gough.robot import load, open_source
 
-    loaded = load(robot, modelling, **parsed(settings))
+    loaded = load(robot, modelling, variants, **parsed(settings))
+    source, known = open_source(robot), loaded.mechanism.variants
+    for name in known:
+        source.mechanism(variants=(name,))
     structure, assembly = loaded.structure, loaded.home.assembly
     if as_json:
         facts = {
@@ -52,6 +57,7 @@ def command(robot: str, settings: tuple[str, ...], modelling: Any, as_json: bool
                 "steps": assembly.steps,
                 "moved": list(assembly.moved),
             },
+            "variants": {name: variant.about for name, variant in known.items()},
         }
         print_json({"ok": True, **facts})
         return
@@ -62,3 +68,8 @@ def command(robot: str, settings: tuple[str, ...], modelling: Any, as_json: bool
     )
     if assembly.moved:
         click.echo(f"Note: {assembly.moved_text}.")
+    if known:
+        click.echo("Variants, for --variant:")
+    width = max(map(len, known), default=0)
+    for name, variant in known.items():
+        click.echo(f"  {name:{width}}  {variant.about}".rstrip())

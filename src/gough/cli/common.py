@@ -32,6 +32,13 @@ def robot_argument(command: F) -> F:
             metavar="NAME=VALUE",
             help="Replace the value of a parameter; may be repeated.",
         ),
+        click.option(
+            "--variant",
+            "variants",
+            multiple=True,
+            metavar="NAME",
+            help="Take a variant of the description; may be repeated, in the order of the changes.",
+        ),
         click.argument("robot"),
     ):
         command = option(command)

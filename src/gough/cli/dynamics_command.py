@@ -39,6 +39,7 @@ from gough.cli.common import (
 def command(
     robot: str,
     settings: tuple[str, ...],
+    variants: tuple[str, ...],
     modelling: Any,
     trajectory: Path | None,
     out: Path | None,
@@ -65,7 +66,7 @@ def command(
     from gough.formats.trajectory import open_table, write_table
     from gough.robot import load
 
-    loaded = load(robot, modelling, **parsed(settings))
+    loaded = load(robot, modelling, variants, **parsed(settings))
     dynamics = loaded.dynamics
     if trajectory is None:
         motion = at_rest(dynamics)

@@ -24,6 +24,7 @@ from gough.cli.common import json_option, parsed, print_json, reporting_errors, 
 def command(
     robot: str,
     settings: tuple[str, ...],
+    variants: tuple[str, ...],
     modelling: Any,
     language: str | None,
     out: Path | None,
@@ -35,7 +36,7 @@ def command(
 
     if language is None and not count:
         raise click.UsageError("nothing to do: say --count, or --to c, or --to cuda")
-    loaded = load(robot, modelling, **parsed(settings))
+    loaded = load(robot, modelling, variants, **parsed(settings))
     result: dict[str, Any] = {"name": loaded.name}
     if count:
         result["operations"] = loaded.operations()

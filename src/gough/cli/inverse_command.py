@@ -29,6 +29,7 @@ from gough.cli.common import (
 def command(
     robot: str,
     settings: tuple[str, ...],
+    variants: tuple[str, ...],
     modelling: Any,
     given: list[float] | None,
     as_json: bool,
@@ -36,7 +37,7 @@ def command(
     """Positions of the joints of ROBOT for a pose, on home's working mode and on all others."""
     from gough.robot import load
 
-    loaded = load(robot, modelling, **parsed(settings))
+    loaded = load(robot, modelling, variants, **parsed(settings))
     x = loaded.home.x if given is None else given
     q = loaded.inverse_geometry(x)
     modes = loaded.working_modes(x) if loaded.has_closed_form else None

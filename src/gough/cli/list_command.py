@@ -21,6 +21,9 @@ def command(as_json: bool) -> None:
         print_json({"robots": rows})
         return
     click.echo(_table(rows))
+    for row in rows:
+        if row["variants"]:
+            click.echo(f"\n{row['name']} --variant {' | '.join(row['variants'])}")
     click.echo("\nActuated joints in brackets. `gough analyse NAME` tells more.")
 
 

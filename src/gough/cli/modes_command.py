@@ -31,6 +31,7 @@ from gough.cli.common import (
 def command(
     robot: str,
     settings: tuple[str, ...],
+    variants: tuple[str, ...],
     modelling: Any,
     given: list[float] | None,
     motion: str,
@@ -43,7 +44,7 @@ def command(
     """
     from gough.robot import load
 
-    loaded = load(robot, modelling, **parsed(settings))
+    loaded = load(robot, modelling, variants, **parsed(settings))
     modes = loaded.assembly_modes(loaded.home.q_actuated if given is None else given, motion)
     if as_json:
         print_json(modes.as_dict())

@@ -39,6 +39,7 @@ from gough.cli.common import (
 def command(
     robot: str,
     settings: tuple[str, ...],
+    variants: tuple[str, ...],
     modelling: Any,
     out: Path | None,
     points: int,
@@ -49,7 +50,7 @@ def command(
     from gough.robot import load
     from gough.studies import study
 
-    loaded = load(robot, modelling, **parsed(settings))
+    loaded = load(robot, modelling, variants, **parsed(settings))
     folder = out or Path(f"study-{Path(robot).stem}")
     with _progress() as tell:
         report = study(loaded, folder, tell, points=points, seed=seed)

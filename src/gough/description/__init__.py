@@ -2,6 +2,7 @@
 
 from gough.description.mechanism import Mechanism
 from gough.description.parts import (
+    Actuator,
     Body,
     Constraint,
     Coupling,
@@ -10,9 +11,11 @@ from gough.description.parts import (
     Leg,
     Motor,
     Parameter,
+    Variant,
 )
 
 __all__ = [
+    "Actuator",
     "Body",
     "Constraint",
     "Coupling",
@@ -22,4 +25,5 @@ __all__ = [
     "Mechanism",
     "Motor",
     "Parameter",
+    "Variant",
 ]

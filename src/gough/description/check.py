@@ -8,15 +8,16 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from gough import algebra as al
+from gough.description.check_actuators import actuator_problems
 from gough.description.expression import RESERVED, ExpressionError
 from gough.description.flat import OWN, Flat, flatten
 from gough.description.form import Description
 from gough.description.frames import FrameError, transform
 from gough.description.parts import Body, Constraint, Frame, Joint, Motor
-from gough.description.values import evaluate_parameters, scalar, vector
+from gough.description.values import array, evaluate_parameters, scalar, vector
 from gough.errors import Path, Problem, closest
 from gough.joints import TYPES
-from gough.joints.free import POSE, Free
+from gough.joints.free import POSE, ROTATIONS, Free
 
 MAX_LINKS = 1000
 """Most joints and constraints together; more would keep dense linear algebra busy for minutes."""
@@ -70,6 +71,7 @@ class _Checker:
         self._check_roles()
         self._check_cut()
         self._number(self.mechanism.gravity, ("gravity",), 3)
+        self._check_variants()
         if not self.problems and not self.broken:
             self._check_graph()
 
@@ -126,6 +128,9 @@ class _Checker:
     def _scalar(self, value: Any, path: Path) -> Any:
         return self._value(path, lambda: scalar(value, self.values))
 
+    def _array(self, value: Any, path: Path) -> Any:
+        return self._value(path, lambda: array(value, self.values))
+
     # bodies
 
     def _check_body(self, name: str, body: Body) -> None:
@@ -137,6 +142,8 @@ class _Checker:
         inertia = self._number(body.inertia, (*path, "inertia"), 3, 6)
         if inertia is not None:
             self._check_inertia(inertia, mass, (*path, "inertia"))
+        if body.rotation != "exact":
+            self._check_rotation(name, body, (*path, "rotation"))
         if self.mechanism.motion == "planar" and body.free:
             for move in sorted(set(body.free) - set(PLANAR_MOVES)):
                 self.report(
@@ -150,6 +157,21 @@ class _Checker:
                 self.report((*path, "home"), "only a free link or the platform has a home pose")
             elif home is not None and (body.free is not None or not lost):
                 self._check_pose(name, home, (*path, "home"))
+
+    def _check_rotation(self, name: str, body: Body, path: Path) -> None:
+        """Formulas in the rotation vector are of free links that turn freely in a fixed frame."""
+        free = body.free is not None or name == self.mechanism.platform
+        kind = f"{body.rotation!r} is for"
+        if not free or name == self.mechanism.base:
+            self.report(path, f"{kind} a free link or the platform; {name!r} is none")
+        elif not set(ROTATIONS) <= set(self._moves(name)):
+            known = ", ".join(self._moves(name))
+            self.report(path, f"{kind} a body that turns freely; {name!r} moves in {known}")
+        elif self.mechanism.floating:
+            self.report(path, f"{kind} bodies on a base that is fixed; this one floats")
+        com = self._number(body.com, (*path[:-1], "com"), 2, 3)
+        if com is not None and any(com):
+            self.report(path, f"{kind} a body whose centre of mass is its origin: com [0, 0, 0]")
 
     def _check_pose(self, name: str, home: al.Transform, path: Path) -> None:
         """A free link that can not have its home pose is refused, and not moved to another."""
@@ -195,6 +217,8 @@ class _Checker:
             self.report((*path, "actuated"), "a free joint has no motor")
         if joint.motor is not None:
             self._check_motor(joint, joint.motor, (*path, "motor"))
+        for problem in actuator_problems(joint, path, self._array, self._scalar):
+            self.report(problem.path, problem.message, problem.on_key)
         if self.mechanism.motion == "planar" and not kind.planar:
             known = ", ".join(sorted(t for t in TYPES if TYPES[t].planar))
             self.report(
@@ -376,6 +400,23 @@ class _Checker:
                 self.report(
                     ("cut", k), f"{name!r} is in a coupling or an output and can not be cut"
                 )
+            elif joint.actuators:
+                text = f"{name!r} has actuators, which need its variable, and can not be cut"
+                self.report(("cut", k), text)
+
+    # variants
+
+    def _check_variants(self) -> None:
+        """Changes are of entries that there are, and leave the variants themselves alone."""
+        known = sorted(Description.model_fields.keys() - {"variants"})
+        for name, variant in self.mechanism.variants.items():
+            for key in variant.changes:
+                path = ("variants", name, "changes", key)
+                if key == "variants":
+                    self.report(path, "a variant can not change the variants", on_key=True)
+                elif key not in known:
+                    text = f"there is no entry {key!r} to change.{closest(key, known)}"
+                    self.report(path, text, on_key=True)
 
     # the graph
 

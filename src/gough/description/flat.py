@@ -159,6 +159,7 @@ def _add_parallelogram(flat: Flat, name: str, joint: Joint, path: Path) -> None:
             frames=frames,
             actuated=joint.actuated and driven,
             motor=joint.motor if driven else None,
+            actuators=joint.actuators if driven else {},
             home=home,
         )
         flat.add("joints", name if pin == "near1" else f"{name}.{pin}", part, path)

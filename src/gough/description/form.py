@@ -15,6 +15,7 @@ from gough.description.parts import (
     Name,
     Parameters,
     Part,
+    Variant,
 )
 from gough.description.scalars import Vector
 
@@ -49,3 +50,5 @@ class Description(Part):
     """The outputs: coordinates x, y, z, rx, ry, rz of the platform, or joints of one freedom."""
     cut: tuple[str, ...] = ()
     """Passive joints to cut; the library chooses where this does not say."""
+    variants: dict[Name, Variant] = Field(default_factory=dict)
+    """Other robots of the same description, by what they change of it."""

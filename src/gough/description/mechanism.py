@@ -10,7 +10,8 @@ from gough.description.check import problems_of
 from gough.description.flat import KINDS, flatten
 from gough.description.form import Description
 from gough.description.messages import problem
-from gough.errors import DescriptionError
+from gough.description.variants import merged
+from gough.errors import DescriptionError, UnknownName
 
 
 class Mechanism(Description):
@@ -39,3 +40,17 @@ class Mechanism(Description):
         flat = flatten(self)
         parts = {kind: getattr(flat, kind) for kind in ("parameters", *KINDS)}
         return Mechanism(**{**dict(self), **parts, "legs": {}})
+
+    def varied(self, *names: str) -> Mechanism:
+        """The mechanism with the changes of some of its variants, one after the other.
+
+        Raises:
+            UnknownName: there is no such variant.
+            DescriptionError: what comes out does not fit together.
+        """
+        content: Any = self.model_dump(exclude_unset=True)
+        for name in names:
+            if name not in self.variants:
+                raise UnknownName("variant", name, self.variants)
+            content, _ = merged(content, self.variants[name].changes)
+        return Mechanism(**content)

@@ -9,6 +9,7 @@ from pydantic_core import ErrorDetails
 
 from gough.description.form import Description
 from gough.description.parts import (
+    Actuator,
     Body,
     Constraint,
     Coupling,
@@ -17,6 +18,7 @@ from gough.description.parts import (
     Leg,
     Motor,
     Parameter,
+    Variant,
 )
 from gough.errors import Path, Problem, closest
 
@@ -70,6 +72,7 @@ def _fields_at(path: Path) -> tuple[str, ...]:
         "couplings": Coupling,
         "legs": Leg,
         "parameters": Parameter,
+        "variants": Variant,
     }
     left = iter(path)
     for part in left:
@@ -80,6 +83,9 @@ def _fields_at(path: Path) -> tuple[str, ...]:
             model = Frame
         elif part == "motor":
             model = Motor
+        elif part == "actuators":
+            model = Actuator
+            next(left, None)
     return tuple(sorted(model.model_fields))
 
 

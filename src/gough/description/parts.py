@@ -19,6 +19,7 @@ from pydantic import (
     WithJsonSchema,
 )
 
+from gough.actuators import LAWS
 from gough.description.scalars import Array, Position, Scalar, Vector
 from gough.errors import closest
 from gough.joints import TYPES
@@ -72,6 +73,7 @@ def _known_type(kind: str, known: tuple[str, ...]) -> Any:
 
 JointTypeName = _known_type("joint type", tuple(TYPES))
 ConstraintTypeName = _known_type("constraint", tuple(CONSTRAINTS))
+LawName = _known_type("law", tuple(LAWS))
 
 
 class Part(BaseModel):
@@ -126,6 +128,11 @@ class Body(Part):
     inertia: Vector = (0.0, 0.0, 0.0)
     """At the centre of mass in body axes, kg m²: xx, yy, zz, or these and xy, xz, yz as entries
     of the matrix."""
+    rotation: Literal["exact", "truncated", "as_printed"] = "exact"
+    """The energy of rotation of a free link that turns freely about its centre of mass, which is
+    its origin. exact: that of a rigid body. truncated: its terms up to third order in the rotation
+    vector and its rates. as_printed: the same with twice the third order, for comparison with a
+    paper that has it so."""
     free: Moves | None = None
     """The coordinates of a free link, a body placed by its own variables and not through a joint.
 
@@ -150,6 +157,21 @@ class Motor(Part):
     """Largest rate of the joint, either way, rad/s or m/s."""
 
 
+class Actuator(Part):
+    """A law of force on one freedom of a joint: a spring, friction, a stop, a drive, a reel.
+
+    It sees the position of the freedom less ``reference``, and the rate.
+    """
+
+    law: LawName  # type: ignore[valid-type]
+    reference: Scalar = 0.0
+    """Position of the joint that counts as 0, m or rad."""
+    freedom: Annotated[int, Field(ge=1, le=1000, strict=True)] = 1
+    """Which freedom of the joint, counted from 1."""
+    numbers: dict[str, Array] = Field(default_factory=dict)
+    """The numbers of the law by name; some laws take lists."""
+
+
 class Joint(Part):
     """A joint between two bodies, with a frame on either."""
 
@@ -161,6 +183,8 @@ class Joint(Part):
     """What drives an actuated joint; the joint feels ratio² · inertia."""
     dimensions: dict[str, Scalar] = Field(default_factory=dict)
     """The numbers a type needs besides its frames: ``pitch`` of a helical joint, m a turn."""
+    actuators: dict[Name, Actuator] = Field(default_factory=dict)
+    """Laws of force on its freedoms. A joint that has any is never cut."""
     home: Position | None = None
     """Approximate position at the start, rad and m."""
 
@@ -194,3 +218,11 @@ class Leg(Part):
     joints: dict[Name, Joint] = Field(default_factory=dict)
     constraints: dict[Name, Constraint] = Field(default_factory=dict)
     couplings: dict[Name, Coupling] = Field(default_factory=dict)
+
+
+class Variant(Part):
+    """Changes that make another robot of a description, under a name."""
+
+    about: str = ""
+    changes: dict[str, Any] = Field(default_factory=dict)
+    """Merged into the description: mappings merge, null removes an entry, other values replace."""

@@ -150,6 +150,19 @@ def vector(value: Any, values: Values, *lengths: int) -> tuple[Any, ...]:
     return tuple(_sensible(item) for item in items)
 
 
+def array(value: Any, values: Values) -> Any:
+    """The scalar, or nested tuples of scalars, that a number or a list comes to.
+
+    Raises:
+        ExpressionError: a scalar has no value.
+    """
+    return _all_sensible(_evaluate(value, values))
+
+
+def _all_sensible(x: Any) -> Any:
+    return tuple(map(_all_sensible, x)) if isinstance(x, tuple) else _sensible(x)
+
+
 def _sensible(x: Any) -> Any:
     """x, unless it is a number whose square a model could not hold."""
     if isinstance(x, int | float) and abs(x) > LARGEST:

@@ -29,6 +29,7 @@ from gough.errors import ConfigurationError, SingularError, UnknownName
 from gough.kernels import Kernel
 from gough.symbolic.trees.forces import Loads
 from gough.symbolic.trees.reduced import Reduced
+from gough.symbolic.trees.rotations import short_rotations
 from gough.topology import Structure
 
 Array = NDArray[np.float64]
@@ -76,7 +77,9 @@ def parts_of(structure: Structure) -> tuple[Part, ...]:
     ground = set() if mechanism.floating else {mechanism.base}
     rest = tuple(body for body in flat.bodies if body not in taken | ground)
     motors = tuple(
-        name for name, joint in flat.joints.items() if joint.motor and name not in driven
+        name
+        for name, joint in flat.joints.items()
+        if (joint.motor or joint.actuators) and name not in driven
     )
     return (*parts, Part(REST, rest, motors)) if rest or motors else tuple(parts)
 
@@ -292,9 +295,10 @@ def _written(w: Writing, parts: Sequence[Part]) -> Kernel:
 
 def _loads(model: Model, part: Part) -> Loads:
     """Inertia of the bodies and rotors of one part alone, where they are."""
-    variables = model.structure.variables
-    rotors = {k: x for k, x in model.rotors.items() if variables[k].name in part.joints}
-    return Loads(model.tree.inertia_of(part.bodies), rotors=rotors)
+    names = [model.structure.edges[v.edge].name for v in model.structure.variables]
+    rotors = {k: x for k, x in model.rotors.items() if names[k] in part.joints}
+    rotations = short_rotations(model.tree, part.bodies)
+    return Loads(model.tree.inertia_of(part.bodies), rotors=rotors, rotations=rotations)
 
 
 def _weight(reduced: Reduced, gravity: Vector, loads: Loads) -> list[Scalar]:

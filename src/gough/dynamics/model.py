@@ -10,12 +10,12 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from gough import algebra as al
 from gough.algebra import Scalar, Vector
 from gough.assembly import Assembler
 from gough.cache import from_environment
-from gough.description.values import scalar, vector
+from gough.description.values import vector
 from gough.dynamics import plans
+from gough.dynamics.rotors import rotors_of
 from gough.dynamics.writing import MODELS, PLAIN, Inputs, Place, Writing
 from gough.errors import ConfigurationError
 from gough.geometry.coordinates import Coordinates
@@ -31,6 +31,7 @@ from gough.symbolic.trees.nodes import Tree
 from gough.symbolic.trees.positions import JointPositions
 from gough.symbolic.trees.reduced import Reduced
 from gough.symbolic.trees.regrouping import Regrouped, regroupings
+from gough.symbolic.trees.rotations import OnNode, short_rotations
 from gough.symbolic.trees.selection import Selector
 
 Array = NDArray[np.float64]
@@ -62,6 +63,7 @@ class Model:
         regrouped: whether inertia is moved between bodies, without effect, so that it takes fewer
             operations.
         searched: whether other trees of the mechanism may serve where outputs place it.
+        first: variables that are independent by preference, before those of ``space``.
 
     Attributes:
         independent: the variables y whose rates are independent.
@@ -82,7 +84,9 @@ class Model:
         seed: int = 0,
         regrouped: bool = True,
         searched: bool = True,
+        first: Sequence[int] = (),
     ) -> None:
+        self.first = tuple(first)
         self.models, self.assembler, self.home, self.space = models, assembler, home, space
         self.structure, self.closure = models.structure, models.closure
         self._regrouped, self._searched, self._seed = regrouped, searched, seed
@@ -94,15 +98,16 @@ class Model:
     def _read(self) -> None:
         """Read the structure at samples and prove it at others, farther from home.
 
-        Where it does not hold, those are joined to the samples and it is read anew.
+        Where it does not hold, those are joined to the samples and it is read anew; in the end
+        without relations between rates, which a single motion that is short may only seem to obey.
 
         Raises:
             ConfigurationError: it still does not hold.
         """
         rng = np.random.default_rng(self._seed + 1)
         self.sampled = sample(self.assembler, self.home, self._seed)
-        for _ in range(READINGS):
-            self.independent, self.kept, self.C = self._rates()
+        for reading in range(READINGS + 1):
+            self.independent, self.kept, self.C = self._rates(related=reading < READINGS)
             self.given = [self.kept.index(k) for k in self.independent]
             self.tree = Tree(self.closure, self.sampled.samples, self.C)
             self._frames = Frames(self.tree, JointPositions(self.tree, self.C, self.kept))
@@ -159,14 +164,15 @@ class Model:
         outputs = [first, closure.jacobian @ vd, carried]
         return casadi.Function("residuals", [closure.q, closure.p, v, vd], outputs)
 
-    def _rates(self) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
+    def _rates(self, related: bool) -> tuple[tuple[int, ...], tuple[int, ...], Array]:
         """Independent and kept variables, and how the others follow."""
         E, count = self.sampled.E, len(self.structure.variables)
         y = best_independent(E, self._preferred(), range(count))
         motors = [k for k in self.structure.columns("actuated") if k not in y]
         rest = [k for k in range(count) if k not in (*y, *motors)]
         samples = self.sampled.samples
-        kept, C = relations(E, [*y, *motors, *rest], samples.rate_scale, samples.telling)
+        order, telling = [*y, *motors, *rest], samples.telling and related
+        kept, C = relations(E, order, samples.rate_scale, telling)
         return tuple(y), kept, C
 
     def _preferred(self) -> list[int]:
@@ -176,7 +182,7 @@ class Model:
         first, last = self.structure.columns("operational"), self.structure.columns("actuated")
         if self.space == "joint":
             first, last = last, first
-        return [*base, *first, *last]
+        return list(dict.fromkeys([*self.first, *base, *first, *last]))
 
     @cached_property
     def by_outputs(self) -> Reduced | None:
@@ -251,6 +257,7 @@ class Model:
         for node in self.tree.nodes[1:]:
             parts += [x for row in frames.from_root(node.frame) for x in row]
             parts += frames.arm(node)
+        parts += [x for body in self.rotations.values() for x in body.phi(frames)]
         symbols = casadi.symvar(casadi.vertcat(*[SX(x) for x in parts]))
         own = [self.closure.q[k] for k in self.outputs.whole]
         own += [self.closure.p[k] for k in range(self.closure.p.numel())]
@@ -298,8 +305,13 @@ class Model:
 
     def _loads_of(self, regrouped: Regrouped | None) -> Loads:
         if regrouped is None:
-            return Loads(rotors=self.rotors)
-        return Loads(regrouped.inertia, rotors=self.rotors, pairs=regrouped.pairs)
+            return Loads(rotors=self.rotors, rotations=self.rotations)
+        return Loads(
+            regrouped.inertia,
+            rotors=self.rotors,
+            pairs=regrouped.pairs,
+            rotations=self.rotations,
+        )
 
     @cached_property
     def loads(self) -> Loads:
@@ -307,16 +319,25 @@ class Model:
         return self._loads_of(self.equivalent)
 
     @cached_property
+    def rotations(self) -> dict[int, OnNode]:
+        """Bodies whose energy of rotation is a formula of its own, by node; never regrouped."""
+        return short_rotations(self.tree)
+
+    @cached_property
     def rotors(self) -> dict[int, Scalar]:
-        """ratio² · inertia of every motor, by variable."""
+        """Inertia of motors and of laws as their freedoms feel it, by variable."""
+        edges, joints = self.structure.edges, self.structure.flat.joints
+        felt = {
+            name: rotors_of(joint, self.closure.values)
+            for name, joint in joints.items()
+            if joint.motor is not None or joint.actuators
+        }
         found: dict[int, Scalar] = {}
-        index = {v.name: k for k, v in enumerate(self.structure.variables)}
-        for name, joint in self.structure.flat.joints.items():
-            motor = joint.motor
-            if motor is not None and name in index:
-                ratio = scalar(motor.ratio, self.closure.values)
-                inertia = scalar(motor.inertia, self.closure.values)
-                found[index[name]] = al.mul(al.mul(ratio, ratio), inertia)
+        for k, variable in enumerate(self.structure.variables):
+            edge = edges[variable.edge]
+            own = {} if edge.link else felt.get(edge.name, {})
+            if variable.freedom in own:
+                found[k] = own[variable.freedom]
         return found
 
     @cached_property
@@ -355,8 +376,16 @@ class Model:
         """
         key = name, place, inputs
         if key not in self._kernels:
-            self._kernels[key] = MODELS[name](Writing(self._for(place), place, inputs))
+            self._kernels[key] = MODELS[name](self.writing(place, inputs))
         return self._kernels[key]
+
+    def writing(self, place: Place, inputs: Inputs = PLAIN) -> Writing:
+        """What every model in a place is written from.
+
+        Raises:
+            ConfigurationError: outputs do not place the mechanism.
+        """
+        return Writing(self._for(place), place, inputs)
 
     def _for(self, place: Place) -> Model:
         found = self.posed if place == "x" else self

@@ -51,7 +51,8 @@ def plans(structure: Structure) -> Iterator[Plan]:
     for leg in structure.legs:
         for name in leg.joints:
             joint = structure.flat.joints[name]
-            if joint.type == "revolute" and not joint.actuated and name not in bound:
+            stays = joint.actuated or joint.actuators or name in bound
+            if joint.type == "revolute" and not stays:
                 by_kind.setdefault(name.rpartition(".")[2], []).append(name)
     for names in by_kind.values():
         yield Plan("cut-joints", tuple(names))

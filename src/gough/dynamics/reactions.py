@@ -28,10 +28,13 @@ from gough.description.parts import Body, Frame
 from gough.description.values import scalar, vector
 from gough.dynamics.dynamics import Dynamics, Wrench
 from gough.dynamics.model import Space
+from gough.dynamics.rotors import rotors_of
 from gough.errors import ConfigurationError, UnknownName
 from gough.joints import TYPES, Free, JointType
 from gough.joints.base import Twist
+from gough.joints.quaternion import wxyz_from_rotation
 from gough.kernels import Kernel
+from gough.symbolic.trees.rotations import rotation_vector, short_rotation
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -126,10 +129,8 @@ class _Hold:
     dimensions: Mapping[str, float]
     variables: tuple[int, ...] = ()
     """Motors of its freedoms, by their place among the efforts."""
-    rotor: float = 0.0
-    """ratio² · inertia of its motor."""
-    variable: int | None = None
-    """Of its only freedom, where the tree has it."""
+    rotors: tuple[tuple[int, int, float], ...] = ()
+    """Freedom, variable and inertia that it feels, of those with rotors or reels."""
     reported: bool = True
 
 
@@ -202,10 +203,7 @@ class JointForces:
         edge = next((k for k, e in enumerate(edges) if e.name == name and not e.link), None)
         own = [k for k, v in enumerate(variables) if edge is not None and v.edge == edge]
         motors = self.structure.columns("actuated")
-        rotor = 0.0
-        if joint.motor is not None:
-            ratio, inertia = joint.motor.ratio, joint.motor.inertia
-            rotor = float(scalar(ratio, values)) ** 2 * float(scalar(inertia, values))
+        felt = rotors_of(joint, values)
         return _Hold(
             name,
             TYPES[joint.type],
@@ -213,8 +211,7 @@ class JointForces:
             self._frames(joint.frames),
             {key: float(scalar(x, values)) for key, x in joint.dimensions.items()},
             tuple(motors.index(k) for k in own if k in motors),
-            rotor,
-            own[0] if len(own) == 1 else None,
+            tuple((k, own[k], float(x)) for k, x in felt.items() if own),
         )
 
     def _frames(self, frames: Iterable[Frame]) -> tuple[Array, Array]:
@@ -381,8 +378,8 @@ class JointForces:
         e = np.zeros(placed.along.shape[1])
         if hold.variables:
             e += state.efforts[list(hold.variables)]
-        if hold.rotor and hold.variable is not None:
-            e -= hold.rotor * state.vd[hold.variable]
+        for freedom, variable, rotor in hold.rotors:
+            e[freedom] -= rotor * state.vd[variable]
         return np.asarray(placed.along @ e)
 
     def _basis(self, holds: Sequence[_Placed]) -> Array:
@@ -446,13 +443,22 @@ class JointForces:
         R, w, alpha = state.poses[body][:3, :3], state.twists[body][3:], state.accelerations[body]
         m = float(scalar(part.mass, values))
         c = R @ np.array([*vector(part.com, values, 2, 3), 0.0][:3], dtype=float)
+        a = alpha[:3] + np.cross(alpha[3:], c) + np.cross(w, np.cross(w, c))
+        turning = self._turning(part, R, w, alpha[3:])
+        moving = np.concatenate([m * a, np.cross(c, m * a) + turning])
+        return moving, np.concatenate([m * g, np.cross(c, m * g)])
+
+    def _turning(self, part: Body, R: Array, w: Array, alpha: Array) -> Array:
+        """The moment that turns a body about its centre of mass."""
+        values = self.assembler.values
+        if part.rotation != "exact":
+            phi = rotation_vector(wxyz_from_rotation(R.tolist()))
+            given = (phi, tuple(w.tolist()), tuple(alpha.tolist()))
+            return np.array(short_rotation(part, values).moment(*given), dtype=float)
         xx, yy, zz, xy, xz, yz = (*vector(part.inertia, values, 3, 6), 0.0, 0.0, 0.0)[:6]
         moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], dtype=float)
         inertia = R @ moments @ R.T
-        a = alpha[:3] + np.cross(alpha[3:], c) + np.cross(w, np.cross(w, c))
-        turning = inertia @ alpha[3:] + np.cross(w, inertia @ w)
-        moving = np.concatenate([m * a, np.cross(c, m * a) + turning])
-        return moving, np.concatenate([m * g, np.cross(c, m * g)])
+        return np.asarray(inertia @ alpha + np.cross(w, inertia @ w))
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class Writing:
         for n, body in enumerate(self.inputs.bodies):
             x = [w[6 * n + k] for k in range(6)]
             wrenches[body] = (x[0], x[1], x[2]), (x[3], x[4], x[5])
-        return Loads(own.inertia, wrenches, own.rotors, own.pairs)
+        return Loads(own.inertia, wrenches, own.rotors, own.pairs, own.rotations)
 
     def finish(
         self,
@@ -120,6 +120,40 @@ class Writing:
         rows = self.motor_rows()
         columns = [[row[k] for row in rows] for k in range(len(self.yd))]
         return [al.dot(column, self.tau) for column in columns]
+
+    def motor_efforts(self, W: Sequence[Scalar]) -> tuple[list[Scalar], Scalar]:
+        """Efforts τ with Jᵀ τ = W and the determinant of what was solved.
+
+        The smallest ones where there are motors to spare, the nearest where there are too few.
+
+        Raises:
+            ConfigurationError: the motors are not independent.
+        """
+        rows, model = self.motor_rows(), self.model
+        transposed = [list(column) for column in zip(*rows, strict=True)]
+        motors, count = len(rows), len(W)
+        if model.motors_rank < min(motors, count) or not motors:
+            raise ConfigurationError(f"{model.structure.mechanism.name} has no such model")
+        if motors == count:
+            factors = Factors(transposed)
+            return factors.solve(W), factors.determinant
+        if motors > count:
+            square = [[al.dot(a, b) for b in transposed] for a in transposed]
+            multipliers, determinant = solve_definite(square, W)
+            return [al.dot(row, multipliers) for row in rows], determinant
+        square = [[al.dot(a, b) for b in rows] for a in rows]
+        return solve_definite(square, [al.dot(row, W) for row in rows])
+
+    def potential(self) -> Scalar:
+        """Potential energy -Σ m g·x, J."""
+        found: Scalar = 0.0
+        frames, root = self.reduced.frames, self.model.tree.root
+        for node in self.model.tree.nodes[1:]:
+            own = node.inertia
+            at = al.scale(own.mass, frames.root_position(node, al.ZERO))
+            moment = al.plus(at, frames.turn(own.moment, node.frame, root))
+            found = al.sub(found, al.dot(self.gravity, moment))
+        return found
 
     def regularity(self, determinant: Scalar, numbers: Sequence[Scalar], name: str) -> Scalar:
         """The smaller of two measures, or -1 where a number is none."""
@@ -172,21 +206,7 @@ class Writing:
 
 def _inverse(w: Writing) -> Kernel:
     """Efforts of the motors for y, ẏ, then how regular the mechanism is there."""
-    W, rows, model = w.forces(w.yd), w.motor_rows(), w.model
-    transposed = [list(column) for column in zip(*rows, strict=True)]
-    motors, count = len(rows), len(W)
-    if model.motors_rank < min(motors, count) or not motors:
-        raise ConfigurationError(f"{model.structure.mechanism.name} has no such model")
-    if motors == count:
-        factors = Factors(transposed)
-        tau, determinant = factors.solve(W), factors.determinant
-    elif motors > count:
-        square = [[al.dot(a, b) for b in transposed] for a in transposed]
-        multipliers, determinant = solve_definite(square, W)
-        tau = [al.dot(row, multipliers) for row in rows]
-    else:
-        square = [[al.dot(a, b) for b in rows] for a in rows]
-        tau, determinant = solve_definite(square, [al.dot(row, W) for row in rows])
+    tau, determinant = w.motor_efforts(w.forces(w.yd))
     outputs = [*tau, w.regularity(determinant, tau, "inverse")]
     return w.finish("inverse", outputs, "y", "yd", "gravity", "wrenches")
 
@@ -247,15 +267,9 @@ def _motor_jacobian(w: Writing) -> Kernel:
 
 def _energy(w: Writing) -> Kernel:
     """Kinetic energy ½ yᵀ A y and potential energy -Σ m g·x, J, (2,)."""
-    A, y, frames = w.reduced.mass_matrix(w.loads), w.reduced.y, w.reduced.frames
+    A, y = w.reduced.mass_matrix(w.loads), w.reduced.y
     kinetic = al.mul(0.5, al.dot(y, [al.dot(row, y) for row in A]))
-    potential: Scalar = 0.0
-    for node in w.model.tree.nodes[1:]:
-        own, root = node.inertia, w.model.tree.root
-        at = al.scale(own.mass, frames.root_position(node, al.ZERO))
-        moment = al.plus(at, frames.turn(own.moment, node.frame, root))
-        potential = al.sub(potential, al.dot(w.gravity, moment))
-    return w.finish("energy", [kinetic, potential], "y", "gravity")
+    return w.finish("energy", [kinetic, w.potential()], "y", "gravity")
 
 
 MODELS: dict[str, Callable[[Writing], Kernel]] = {

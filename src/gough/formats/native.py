@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import copy
 from pathlib import Path as FilePath
 from typing import Any, TypeVar
 
@@ -12,7 +13,8 @@ from gough.description import Mechanism
 from gough.description.check import problems_of
 from gough.description.form import Description
 from gough.description.messages import problem
-from gough.errors import DescriptionError, Problem, UnknownName
+from gough.description.variants import merged
+from gough.errors import DescriptionError, Path, Problem, UnknownName
 from gough.formats.nodes import MAX_BYTES, Document, compose
 
 T = TypeVar("T")
@@ -40,24 +42,37 @@ class Source:
             reason = error.strerror or str(error)
             raise DescriptionError([Problem(f"can not be read: {reason}")], str(path)) from None
 
-    def mechanism(self, parameters: Mapping[str, Any] | None = None) -> Mechanism:
-        """The mechanism, with the values of some parameters replaced.
+    def mechanism(
+        self, parameters: Mapping[str, Any] | None = None, variants: Sequence[str] = ()
+    ) -> Mechanism:
+        """The mechanism, with some variants and then the values of some parameters replaced.
 
         Raises:
             DescriptionError: something in the description is wrong; all of it is reported.
-            UnknownName: a parameter to replace does not exist.
+            UnknownName: a parameter to replace does not exist, or a variant.
         """
-        data = self.document.data
-        if not isinstance(data, dict):
+        if not isinstance(self.document.data, dict):
             problem = Problem("a description is a mapping of names").at(1, 1)
             raise DescriptionError([problem], self.name)
-        description, broken, problems = _read(replaced(data, parameters or {}))
+        document = varied(self.document, variants)
+        assert isinstance(document.data, dict)
+        description, broken, problems = _read(replaced(document.data, parameters or {}))
         if description is not None:
             problems += problems_of(description, broken)
         if problems or description is None:
-            located = [self.document.locate(problem) for problem in dict.fromkeys(problems)]
+            located = [document.locate(problem) for problem in dict.fromkeys(problems)]
             raise DescriptionError(located, self.name)
         return Mechanism.model_construct(**dict(description))
+
+    def varied(self, variants: Sequence[str]) -> Source:
+        """The same description with the changes of some variants, for the places of its parts.
+
+        Raises:
+            UnknownName: there is no such variant.
+        """
+        other = copy(self)
+        other.document = varied(self.document, variants)
+        return other
 
     def locating(self, action: Callable[[], T]) -> T:
         """What the action returns; problems it raises are given their place in this file."""
@@ -66,6 +81,48 @@ class Source:
         except DescriptionError as error:
             located = [self.document.locate(problem) for problem in error.problems]
             raise DescriptionError(located, self.name) from None
+
+
+def varied(document: Document, names: Sequence[str]) -> Document:
+    """A document with the changes of some variants, one after the other, each in its place.
+
+    Raises:
+        UnknownName: there is no such variant.
+    """
+    whole = document.data
+    known = whole.get("variants") if isinstance(whole, dict) else None
+    known = known if isinstance(known, dict) else {}
+    for name in names:
+        if name not in known:
+            raise UnknownName("variant", name, known)
+        part = known[name]
+        changes = part.get("changes") if isinstance(part, dict) else None
+        if isinstance(changes, dict):
+            document = _changed(document, changes, ("variants", name, "changes"))
+    return document
+
+
+def _changed(document: Document, changes: dict[str, Any], start: Path) -> Document:
+    """A document with changes that stand at a path of it."""
+    data, new = merged(document.data, changes)
+    tables = []
+    for table in (document.places, document.keys):
+        found = {path: place for path, place in table.items() if not _within(path, new)}
+        for path in new:
+            near = (start + path[:length] for length in range(len(path), 0, -1))
+            place = next((table[at] for at in near if at in table), None)
+            if place is not None:
+                found[path] = place
+        for path, place in table.items():
+            if path[: len(start)] == start and _within(path[len(start) :], new):
+                found[path[len(start) :]] = place
+        tables.append(found)
+    return Document(data, *tables)
+
+
+def _within(path: Path, parts: Collection[Path]) -> bool:
+    """Whether a path leads into one of the parts."""
+    return any(path[:length] in parts for length in range(1, len(path) + 1))
 
 
 def replaced(data: dict[str, Any], parameters: Mapping[str, Any]) -> dict[str, Any]:

@@ -108,6 +108,10 @@ class JointType(ABC):
         n = self.freedoms
         return tuple(tuple(1.0 if i == k else 0.0 for k in range(n)) for i in range(n))
 
+    def coordinate_of(self, freedom: int) -> int | None:
+        """Which number of the position has the freedom's rate as its own, if there is one."""
+        return freedom if self.coordinates == self.freedoms else None
+
     def retract(self, q: Sequence[float], step: Sequence[float]) -> tuple[float, ...]:
         """The position reached from q by rates ``step`` held for a unit of time."""
         return tuple(x + d for x, d in zip(q, step, strict=True))

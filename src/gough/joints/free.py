@@ -78,6 +78,9 @@ class Free(JointType):
         unit = tuple(tuple(1.0 if i == k else 0.0 for k in range(m)) for i in range(n))
         return unit + tuple((0.0,) * n + row for row in quaternion.rates_wxyz(q[n:]))
 
+    def coordinate_of(self, freedom: int) -> int | None:
+        return freedom if len(self._turns) < 3 or freedom < len(self._shifts) else None
+
     def retract(self, q: Sequence[float], step: Sequence[float]) -> tuple[float, ...]:
         if len(self._turns) < 3:
             return super().retract(q, step)

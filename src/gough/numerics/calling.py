@@ -55,6 +55,12 @@ def part(function: Function) -> Function:
     return cast(Function, njit(function))
 
 
+def routine(function: Function) -> Function:
+    """A function that the compiled ones call; for what is long or rare."""
+    njit: Any = numba.njit(nogil=True, error_model="numpy")
+    return cast(Function, njit(function))
+
+
 def _call_kernel(context: Any, address: Any, pointers: Any, steps: Any, rows: Any) -> Lowering:
     """Run a kernel.
 
@@ -73,6 +79,24 @@ def _call_kernel(context: Any, address: Any, pointers: Any, steps: Any, rows: An
         return target.get_dummy_value()
 
     return types.void(types.int64, pointers, steps, types.int64), generate
+
+
+def _call_tile(context: Any, address: Any, inputs: Any, outputs: Any) -> Lowering:
+    """Run a kernel over a tile, see `gough.kernels.native.tiles`.
+
+    Args:
+        context: numba's typing context; callers leave it out.
+        address: of the kernel, int64.
+        inputs: pointer to the numbers that go in.
+        outputs: pointer to where results go; they overlap nothing.
+    """
+
+    def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        kind = ir.FunctionType(ir.VoidType(), [given[1].type, given[2].type])
+        builder.call(builder.inttoptr(given[0], kind.as_pointer()), given[1:])
+        return target.get_dummy_value()
+
+    return types.void(types.int64, inputs, outputs), generate
 
 
 def _pointer_to(context: Any, array: Any, index: Any) -> Lowering:
@@ -102,5 +126,6 @@ def _address_of(context: Any, pointer: Any) -> Lowering:
 
 
 call_kernel: Any = intrinsic(_call_kernel)
+call_tile: Any = intrinsic(_call_tile)
 pointer_to: Any = intrinsic(_pointer_to)
 address_of: Any = intrinsic(_address_of)

@@ -3,7 +3,8 @@
 A value of this type is one vector in LLVM, so that a loop over systems of equations is written
 once, for one system, and solves as many as there are lanes. Sixteen is twice the widest registers:
 with two chains of operations at once, one works while the other waits for its last result. Eight
-is for loops that have enough chains of their own. Every operation rounds as IEEE 754 says: a lane's
+is for loops that have enough chains of their own; a loop that takes a tuple as its ``width`` is
+compiled for as many lanes as that is long. Every operation rounds as IEEE 754 says: a lane's
 result depends on nothing in the other lanes.
 """
 
@@ -116,6 +117,32 @@ def _splat(kind: LanesType) -> Any:
     return intrinsic(typed)
 
 
+def _load_wide(context: Any, pointer: Any, index: Any, width: Any) -> Lowering:
+    """Neighbours from an index on, as many as the tuple ``width`` is long."""
+    kind = LanesType(width.count)
+
+    def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        first = builder.gep(given[0], [given[1]])
+        return builder.load(builder.bitcast(first, _vector(kind).as_pointer()), align=8)
+
+    return kind(pointer, types.int64, width), generate
+
+
+def _splat_wide(context: Any, number: Any, width: Any) -> Lowering:
+    """One number in every lane, as many as the tuple ``width`` is long."""
+    kind = LanesType(width.count)
+
+    def generate(target: Any, builder: Any, signature: Any, given: Any) -> Any:
+        nothing = ir.Constant(_vector(kind), ir.Undefined)
+        one = builder.insert_element(nothing, given[0], ir.IntType(32)(0))
+        zeros = ir.Constant(ir.VectorType(ir.IntType(32), kind.width), None)
+        return builder.shuffle_vector(one, nothing, zeros)
+
+    return kind(types.float64, width), generate
+
+
+load_wide: Any = intrinsic(_load_wide)
+splat_wide: Any = intrinsic(_splat_wide)
 load, gather, splat = _load(LANES_TYPE), _gather(LANES_TYPE), _splat(LANES_TYPE)
 load_eight, splat_eight = _load(EIGHT_TYPE), _splat(EIGHT_TYPE)
 store: Any = intrinsic(_store)

@@ -18,6 +18,7 @@ from gough.algebra import Scalar
 from gough.description import Body
 from gough.description.values import scalar, vector
 from gough.symbolic.closure import Closure
+from gough.symbolic.trees.rotations import ShortRotation, rotation_vector, short_rotation
 
 SX = casadi.SX
 Gravity = SX | Sequence[float]
@@ -33,6 +34,8 @@ class _Weight:
     """∫ r rᵀ dm about the centre of mass, in body axes, (3, 3)."""
     centre: SX
     rotation: SX
+    short: tuple[SX, ShortRotation] | None = None
+    """Its rotation vector and its energy of rotation, where that is a formula of its own."""
 
 
 class Lagrange:
@@ -57,6 +60,7 @@ class Lagrange:
 
         With c the centre of mass, R the rotation and S = ∫ r rᵀ dm about c in body axes, the second
         term is the energy of rotation ½ ωᵀ I ω: the points c + R r of the body move with ċ + Ṙ r.
+        A body whose energy of rotation is a formula in its rotation vector has that instead.
         """
         return self._at(self._kinetic, v=v)
 
@@ -97,12 +101,20 @@ class Lagrange:
         R, p = self.closure.poses[name]
         x, y, *z = vector(body.com, values, 2, 3)
         centre = al.plus(p, al.turn(R, (x, y, *z) if z else (x, y, 0.0)))
-        xx, yy, zz, *mixed = vector(body.inertia, values, 3, 6)
+        short, moments = None, vector(body.inertia, values, 3, 6)
+        if body.rotation != "exact":
+            structure = self.closure.structure
+            place = self.closure.slices[structure.edge_to[name]]
+            quaternion = [self.closure.q[k] for k in range(place.stop - 4, place.stop)]
+            phi = SX(casadi.vertcat(*rotation_vector(quaternion)))
+            short, moments = (phi, short_rotation(body, values)), (0.0, 0.0, 0.0)
+        xx, yy, zz, *mixed = moments
         return _Weight(
             mass=scalar(body.mass, values),
             spread=_spread((xx, yy, zz), mixed or (0.0, 0.0, 0.0)),
             centre=casadi.vertcat(*map(SX, centre)),
             rotation=casadi.vertcat(*(casadi.horzcat(*map(SX, row)) for row in R)),
+            short=short,
         )
 
     @cached_property
@@ -118,6 +130,9 @@ class Lagrange:
             c, R = rate[:, 0], rate[:, 1:]
             energy += weight.mass * casadi.sumsqr(c) / 2
             energy += casadi.dot(R @ weight.spread, R) / 2
+            if weight.short is not None:
+                phi, formula = weight.short
+                energy += formula.energy(_three(phi), _three(self._rate(phi)))
         return energy
 
     @cached_property
@@ -172,6 +187,10 @@ class Lagrange:
         inputs = [closure.q, closure.p, *(symbol for symbol, _ in given)]
         function = casadi.Function("energy", inputs, [expression])
         return SX(function(closure.q, closure.p, *(value for _, value in given)))
+
+
+def _three(column: SX) -> tuple[SX, SX, SX]:
+    return column[0], column[1], column[2]
 
 
 def _column(gravity: Gravity) -> SX:

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gough.description import Mechanism
-from gough.description.parts import Body, Motor
-from gough.description.values import scalar
+from gough.description.parts import Body, Joint, Motor
+from gough.description.values import array, scalar
 from gough.dynamics.identification.base import BaseParameters
 from gough.dynamics.identification.parameters import (
     ENTRIES,
@@ -28,6 +28,7 @@ from gough.dynamics.identification.parameters import (
     ten_numbers,
     tensor_of,
 )
+from gough.dynamics.rotors import rotors_of
 from gough.errors import GoughError
 
 Array = NDArray[np.float64]
@@ -180,8 +181,7 @@ def with_parameters(parameters: Parameters, values: Array) -> Mechanism:
     for motor, rotor in zip(parameters.motors, rotors, strict=False):
         joint = joints.get(motor.name)
         if joint is not None and rotor != parameters.values[parameters.index(f"{motor.name}.Ia")]:
-            driven = _with_rotor(parameters, joint.motor, max(float(rotor), 0.0))
-            joints[motor.name] = joint.model_copy(update={"motor": driven})
+            joints[motor.name] = _with_rotor(parameters, joint, max(float(rotor), 0.0))
     return Mechanism(**{**dict(written), "bodies": bodies, "joints": joints})
 
 
@@ -205,9 +205,19 @@ def _central(J: Array) -> Array:
     return np.asarray(np.trace(spread) * np.eye(3) - spread)
 
 
-def _with_rotor(parameters: Parameters, motor: Motor | None, rotor: float) -> Motor:
-    """A motor that the joint feels as a given inertia."""
-    if motor is None:
-        return Motor(inertia=rotor)
-    ratio = float(scalar(motor.ratio, parameters.assembler.values))
-    return motor.model_copy(update={"inertia": rotor / ratio**2})
+def _with_rotor(parameters: Parameters, joint: Joint, rotor: float) -> Joint:
+    """A joint that feels a given inertia: of its laws where these have any, else of its motor."""
+    values = parameters.assembler.values
+    laws = rotors_of(joint.model_copy(update={"motor": None}), values).get(0, 0.0)
+    if laws:
+        factor, actuators = rotor / float(laws), dict(joint.actuators)
+        for name, actuator in actuators.items():
+            if "inertia" in actuator.numbers:
+                own = float(array(actuator.numbers["inertia"], values))
+                numbers = {**actuator.numbers, "inertia": factor * own}
+                actuators[name] = actuator.model_copy(update={"numbers": numbers})
+        return joint.model_copy(update={"actuators": actuators})
+    motor = joint.motor or Motor()
+    ratio = float(scalar(motor.ratio, values))
+    driven = motor.model_copy(update={"inertia": rotor / ratio**2})
+    return joint.model_copy(update={"motor": driven})

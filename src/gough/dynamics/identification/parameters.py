@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gough.assembly import Assembler
 from gough.description.values import scalar, vector
+from gough.dynamics.rotors import rotors_of
 from gough.errors import UnknownName
 from gough.topology import Structure
 
@@ -128,11 +129,8 @@ class Parameters:
 
     def _rotor(self, name: str) -> float:
         joint = self.structure.flat.joints.get(name)
-        if joint is None or joint.motor is None:
-            return 0.0
-        values = self.assembler.values
-        ratio = float(scalar(joint.motor.ratio, values))
-        return ratio**2 * float(scalar(joint.motor.inertia, values))
+        felt = {} if joint is None else rotors_of(joint, self.assembler.values)
+        return float(felt.get(0, 0.0))
 
     @cached_property
     def scale(self) -> Array:

@@ -78,6 +78,14 @@ class Regressor:
         if not self.model.actuated:
             name = dynamics.structure.mechanism.name
             raise ConfigurationError(f"{name} has no motors, so that no efforts can be measured")
+        short = [
+            name for name, b in dynamics.structure.flat.bodies.items() if b.rotation != "exact"
+        ]
+        if short:
+            raise ConfigurationError(
+                f"{', '.join(short)} has a rotation that is not exact; identification is of rigid "
+                "bodies: take the description with rotation: exact"
+            )
 
     @cached_property
     def form(self) -> Form:

@@ -10,7 +10,7 @@ fills the lanes. Inputs and output must not overlap.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,7 +18,7 @@ from typing import Any
 from gough.kernels.native.lanes import Lanes, attributes
 from gough.kernels.native.rows import Pointer, Rows
 from gough.kernels.parts import Part, parts
-from gough.kernels.tape import LEAVES, Tape, meaning
+from gough.kernels.tape import LEAVES, Instruction, Tape, meaning
 
 Finished = dict[int, list[Any]]
 
@@ -144,25 +144,18 @@ class KernelText:
 
     def _work(self, lanes: Lanes, part: Part, pointer: Pointer) -> None:
         """The instructions of a part; leaves are fetched where they are first needed."""
-        rows, code = Rows(lanes, pointer, self.sizes), part.tape.code
-        values: dict[int, str] = {}
-
-        def value(k: int) -> str:
-            if k not in values:
-                op, operands = code[k]
-                fetch = meaning(lanes, op) if op != "input" else partial(self._input, lanes, rows)
-                values[k] = fetch(operands[0])
-            return values[k]
-
+        rows = Rows(lanes, pointer, self.sizes)
         keeps, stores = self._finished(part)
-        for k, (op, operands) in enumerate(code):
-            if op not in LEAVES:
-                values[k] = meaning(lanes, op)(*[value(j) for j in operands])
+        wanted = {*keeps, *stores, *(j for runs in stores.values() for _, run in runs for j in run)}
+        values: dict[int, str] = {}
+        fetch = partial(self._input, lanes, rows)
+        for k, name in written(lanes, part.tape.code, fetch, wanted):
+            values[k] = name
             for place in keeps.get(k, ()):
                 at = self._element(lanes.real, "%kept", place, lanes)
-                lanes.lines.append(f"  store {lanes.real} {value(k)}, ptr {at}")
+                lanes.lines.append(f"  store {lanes.real} {name}, ptr {at}")
             for first, columns in stores.get(k, ()):
-                rows.store(first, [value(j) for j in columns])
+                rows.store(first, [values[j] for j in columns])
 
     def _input(self, lanes: Lanes, rows: Rows, slot: int) -> str:
         """A column of the inputs, or a number that an earlier part has kept."""
@@ -190,6 +183,28 @@ class KernelText:
 
     def _collect(self, lanes: Lanes) -> None:
         self._declarations |= lanes.declarations
+
+
+def written(
+    lanes: Lanes, code: Sequence[Instruction], fetch: Callable[[int], str], wanted: Container[int]
+) -> Iterator[tuple[int, str]]:
+    """Write instructions, and give the names of those that are wanted as they come.
+
+    Leaves are fetched where they are first needed.
+    """
+    values: dict[int, str] = {}
+
+    def value(k: int) -> str:
+        if k not in values:
+            op, operands = code[k]
+            values[k] = (fetch if op == "input" else meaning(lanes, op))(operands[0])
+        return values[k]
+
+    for k, (op, operands) in enumerate(code):
+        if op not in LEAVES:
+            values[k] = meaning(lanes, op)(*[value(j) for j in operands])
+        if k in wanted:
+            yield k, value(k)
 
 
 def _runs(block: Sequence[int | None]) -> list[tuple[int, list[int]]]:

@@ -26,6 +26,7 @@ def section(context: Context) -> Section:
         "architecture": structure.architecture,
         "motion": mechanism.motion,
         "modelling": structure.modelling,
+        "variants": ", ".join(context.robot.origin.variants if context.robot.origin else ()),
         "characteristic length": f"{written(context.robot.assembler.length)} m",
         "date": done,
         "gough": version(),
@@ -100,6 +101,7 @@ def repeating(context: Context) -> tuple[str, bool]:
     """The command that repeats a study, and whether it is whole: the robot came from a file."""
     origin = context.robot.origin
     words = ["gough study", shlex.quote(origin.robot) if origin else "FILE.yaml"]
+    words += [f"--variant {shlex.quote(name)}" for name in (origin.variants if origin else ())]
     for name, value in origin.parameters.items() if origin else ():
         plain = json.dumps(value).replace('"', "") if isinstance(value, list | tuple) else value
         words.append(f"--set {shlex.quote(f'{name}={plain}')}")

@@ -26,6 +26,7 @@ class Factors:
 
     Attributes:
         determinant: of A.
+        pivot: what every solution is divided by: the determinant, or the last pivot.
     """
 
     def __init__(self, A: Sequence[Sequence[Scalar]]) -> None:
@@ -36,6 +37,7 @@ class Factors:
         if self._by_cofactors:
             self._adjugate, self.determinant = _adjugate(rows)
             self._inverse = reciprocal(self.determinant)
+            self.pivot = self.determinant
         else:
             self._eliminate(rows)
 
@@ -80,7 +82,7 @@ class Factors:
                 rows[i][k] = factor
                 for j in range(k + 1, self.size):
                     rows[i][j] = al.sub(rows[i][j], al.mul(factor, rows[k][j]))
-        self._rows = rows
+        self._rows, self.pivot = rows, rows[-1][-1]
 
     def _largest_up(self, rows: Grid, k: int) -> None:
         """The largest entry of a column brought up; without a choice nothing is selected."""

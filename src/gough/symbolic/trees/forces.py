@@ -13,6 +13,7 @@ from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion
 from gough.symbolic.trees.nodes import Inertia, Node, shifted
 from gough.symbolic.trees.regrouping import Pair
+from gough.symbolic.trees.rotations import OnNode
 
 Array = NDArray[np.float64]
 Wrench = tuple[Vector, Vector]
@@ -28,6 +29,8 @@ class Loads:
         wrenches: Mapping[str, Wrench] | None = None,
         rotors: Mapping[int, Scalar] | None = None,
         pairs: Sequence[Pair] = (),
+        rotations: Mapping[int, OnNode] | None = None,
+        efforts: Mapping[int, Scalar] | None = None,
     ) -> None:
         self.inertia = inertia
         """By node, where it is not the tree's own."""
@@ -36,7 +39,15 @@ class Loads:
         self.wrenches = wrenches or {}
         """By body: force and moment about its origin, in root axes."""
         self.rotors = rotors or {}
-        """By variable, inertia of motors as the joint feels it."""
+        """By variable, inertia of motors and reels as the joint feels it."""
+        self.rotations = rotations or {}
+        """By node, bodies whose energy of rotation is a formula of its own."""
+        self.efforts = efforts or {}
+        """By variable, forces of laws and drives on it."""
+
+    def given(self, efforts: Mapping[int, Scalar]) -> Loads:
+        """The same with efforts on variables."""
+        return Loads(self.inertia, self.wrenches, self.rotors, self.pairs, self.rotations, efforts)
 
     def of(self, node: Node) -> Inertia:
         """Inertia of a node."""
@@ -55,6 +66,8 @@ def tree_forces(frames: Frames, motion: Motion, loads: Loads, variables: int) ->
         f, t = carried.get(node.index, (al.ZERO, al.ZERO))
         inner = _inertial(motion, node, loads.of(node))
         f, t = al.plus(f, inner[0]), al.plus(t, inner[1])
+        if node.index in loads.rotations:
+            t = al.plus(t, loads.rotations[node.index].moment(motion))
         for given in _outer_loads(frames, node, loads):
             f, t = al.minus(f, given[0]), al.minus(t, given[1])
         outer = handed(frames, node, f, t, found)
@@ -62,8 +75,10 @@ def tree_forces(frames: Frames, motion: Motion, loads: Loads, variables: int) ->
         before = carried.get(node.parent.index, (al.ZERO, al.ZERO))
         carried[node.parent.index] = al.plus(before[0], outer[0]), al.plus(before[1], outer[1])
     for variable, rotor in loads.rotors.items():
-        node = next(n for n in tree.nodes if variable in n.variables)
-        found[variable] = al.add(found[variable], al.mul(rotor, motion.rate_change(node)))
+        change = motion.variable_rate_change(variable)
+        found[variable] = al.add(found[variable], al.mul(rotor, change))
+    for variable, effort in loads.efforts.items():
+        found[variable] = al.sub(found[variable], effort)
     return found
 
 
@@ -183,6 +198,9 @@ def _add_pair(frames: Frames, pair: Pair, M: list[list[Scalar]]) -> None:
 def _composites(frames: Frames, loads: Loads) -> dict[int, Inertia]:
     """Inertia of each node with all that it carries, about its origin, in class axes."""
     found = {node.index: loads.of(node) for node in frames.tree.nodes}
+    for index, body in loads.rotations.items():
+        tensor = _turned(frames, body.tensor(frames), frames.tree.root, body.node.frame)
+        found[index] = _joined(found[index], Inertia(tensor=tensor))
     for node in reversed(frames.tree.nodes[1:]):
         assert node.parent is not None
         above = found[node.parent.index]

@@ -309,7 +309,10 @@ class Tree:
             self.nodes[index].inertia = inertia
 
     def inertia_of(self, bodies: Iterable[str]) -> dict[int, Inertia]:
-        """Inertia of some bodies alone, by the index of the node that carries them."""
+        """Inertia of some bodies alone, by the index of the node that carries them.
+
+        Of a body whose energy of rotation is a formula of its own (`rotations`) the mass alone.
+        """
         described, values = self.closure.structure.flat.bodies, self.closure.values
         found: dict[int, Inertia] = {}
         for body in bodies:
@@ -320,7 +323,8 @@ class Tree:
             part = described[body]
             mass, c = scalar(part.mass, values), vector(part.com, values, 2, 3)
             com = al.plus(origin, al.turn(R, (*c, 0.0)[:3]))
-            inertia = _tensor(vector(part.inertia, values, 3, 6))
+            exact = part.rotation == "exact"
+            inertia = _tensor(vector(part.inertia, values, 3, 6) if exact else al.ZERO)
             central = al.matmul(al.matmul(R, inertia), al.transpose(R))
             own = found.get(node.index, Inertia())
             found[node.index] = with_body(own, mass, com, central)

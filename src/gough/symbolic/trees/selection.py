@@ -5,8 +5,8 @@ Good axes make small blocks: in axes of the leg itself the tip of a leg has one 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi
@@ -21,7 +21,7 @@ from gough.symbolic.plans import Block, Kind, components, triangular
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion
 from gough.symbolic.trees.nodes import Node, Tree
-from gough.symbolic.trees.ties import Rows, Tie, distances, ties
+from gough.symbolic.trees.ties import Rows, Tie, distances, length, ties
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -30,6 +30,8 @@ NOTHING = 1e-11
 """Entries that stay below this times the largest of their row at every sample are zero."""
 INDEPENDENT = 1e-5
 """Rows less independent than this (sine of an angle) of those before, at some sample, are left."""
+NEAR = 1e-9
+"""Rows that differ by less, relative to the largest entry, at every sample are the same."""
 ROUNDS = 2
 
 
@@ -72,6 +74,37 @@ class Selection:
     """Rows by their place above, in the order of solving."""
     typical: tuple[float, ...]
     """A typical size of the determinant of each block."""
+    lengths: Mapping[int, Chosen] = field(default_factory=dict)
+    """Rows that the rate of a length may stand for: it says the same of the same rates."""
+
+    def used(self, needed: Iterable[int]) -> set[int]:
+        """The rows that some kept rates take."""
+        rows, left = set[int](), set(needed)
+        for block in reversed(self.blocks):
+            if left & set(block.unknowns):
+                rows |= set(block.rows)
+                left |= set(np.flatnonzero(self.pattern[list(block.rows)].any(axis=0)).tolist())
+        return rows
+
+    def beside(self, row: int) -> set[int]:
+        """The other rows of its closing."""
+        closing = self.rows[row].tie.closing
+        return {i for i, other in enumerate(self.rows) if other.tie.closing == closing} - {row}
+
+    def replaced(self, needed: Iterable[int]) -> set[int]:
+        """Rows that a length may stand for where only some kept rates are needed.
+
+        Those of closings of which no other row is used.
+        """
+        used = self.used(needed)
+        return {i for i in self.lengths if not self.beside(i) & used}
+
+    def shortened(self, replaced: Iterable[int]) -> Selection:
+        """The same with the rates of lengths in place of some rows."""
+        rows = list(self.rows)
+        for i in replaced:
+            rows[i] = self.lengths[i]
+        return replace(self, rows=tuple(rows))
 
 
 class Selector:
@@ -188,7 +221,26 @@ class Selector:
             A = np.stack([numbers[r][:, list(block.unknowns)] for r in block.rows], axis=1)
             typical.append(float(np.median(np.abs(np.linalg.det(A)))))
         rows = tuple(Chosen(w.tie, w.axes, i) for w, i in picked)
-        return Selection(self.given, self.unknown, rows, pattern, blocks, tuple(typical))
+        lengths = self._lengths(picked)
+        return Selection(self.given, self.unknown, rows, pattern, blocks, tuple(typical), lengths)
+
+    def _lengths(self, picked: Sequence[tuple[Written, int]]) -> dict[int, Chosen]:
+        """Rates of lengths that say what picked rows say."""
+        found: dict[int, Chosen] = {}
+        for tie in {id(w.tie): w.tie for w, _ in picked}.values():
+            if (own := length(tie, self.tree, self.frames)) is None:
+                continue
+            row = self._write(own, own.classes[0])
+            for n, (w, i) in enumerate(picked):
+                if w.tie is tie and _alike(w.numbers[:, i], row.numbers[:, 0]):
+                    found[n] = Chosen(own, row.axes, 0)
+        return found
+
+
+def _alike(a: Array, b: Array) -> bool:
+    """Whether two rows are the same, or opposed, at every sample."""
+    near = NEAR * np.abs(a).max()
+    return bool(min(np.abs(a - b).max(), np.abs(a + b).max()) < near)
 
 
 def _operations(row: Sequence[Scalar]) -> int:

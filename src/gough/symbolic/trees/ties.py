@@ -6,10 +6,11 @@ relative spin) may be written in the axes of any class; good axes leave few unkn
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+import casadi
 import numpy as np
 
 from gough import algebra as al
@@ -21,10 +22,20 @@ from gough.joints.constraints import CONSTRAINTS
 from gough.symbolic.closing_rates import evaluated
 from gough.symbolic.trees.frames import Frames
 from gough.symbolic.trees.motion import Motion, Twisted
-from gough.symbolic.trees.nodes import End, Node, Tree, outermost
+from gough.symbolic.trees.nodes import EXACT, End, Node, Tree, outermost
 
 NEVER = 1e-10
 """Distances that change by less, in characteristic lengths, are constant; a guess."""
+
+
+@dataclass(frozen=True)
+class Slide:
+    """A slide as the length between a point of what carries it and a closing point."""
+
+    start: End
+    end: End
+    unit: Vector
+    """Along the length, in class axes of what carries the slide."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +43,7 @@ class Tie:
     """One word of one closing."""
 
     closing: str
-    word: Hold | Literal["coupling", "distance"]
+    word: Hold | Literal["coupling", "distance", "length"]
     a: End
     b: End
     common: Node
@@ -41,7 +52,9 @@ class Tie:
     ends: tuple[End, End]
     """The frames on the bodies themselves; of a point, a and b are where it is fixed to first."""
     terms: tuple[tuple[int, Scalar], ...] = ()
-    """Of a coupling: variables and factors."""
+    """Of a coupling: variables and factors; of a length: those of its rate."""
+    slide: Slide | None = None
+    """Of a length: what it is as the slide has it."""
 
     @property
     def still(self) -> tuple[Node, ...]:
@@ -51,7 +64,7 @@ class Tie:
     @property
     def classes(self) -> list[Node]:
         """Classes in whose axes rows may be written."""
-        if self.word == "distance":
+        if self.word in ("distance", "length"):
             return [self.common.frame]
         found = [end.node.frame for end in (self.a, self.b)]
         if self.word in ("point", "orientation"):
@@ -102,6 +115,33 @@ def distances(tree: Tree, frames: Frames) -> list[Tie]:
                     ends = End(node, al.IDENTITY, p), other
                     found.append(Tie(tie.closing, "distance", *ends, _common(*ends), {}, ends))
     return found
+
+
+def length(tie: Tie, tree: Tree, frames: Frames) -> Tie | None:
+    """The length of a slide between two points, where a closing at a point makes it their distance.
+
+    Seen so, all that turns the slide is left out: the rate of the length is that of the distance
+    from where the slide is carried to the closing point on the other side.
+    """
+    for own, other in ((tie.a, tie.b), (tie.b, tie.a)):
+        node = own.node
+        if tie.word != "point" or node.kind != "slide" or node is tie.common:
+            continue
+        assert node.parent is not None
+        carrier, axis = node.parent, al.column(node.joint_axes, node.axis)
+        x = frames.between(carrier, al.ZERO, node, own.point, carrier.frame)
+        if not all(al.is_number(k) and abs(k) < EXACT for k in al.cross(x, axis)):
+            continue
+        signs = np.sign(evaluated(tree.closure, tree.samples, [al.dot(x, axis)]))
+        if not signs[0] or (signs != signs[0]).any():
+            continue
+        sign = float(signs[0, 0])
+        slide = Slide(End(carrier, al.IDENTITY, al.ZERO), own, al.scale(sign, axis))
+        terms = ((node.variables[0], al.mul(sign, node.factor)),)
+        start = _centre(slide.start)
+        common = _common(start, other)
+        return Tie(tie.closing, "length", start, other, common, {}, (start, other), terms, slide)
+    return None
 
 
 def _common(a: End, b: End) -> Node:
@@ -185,6 +225,28 @@ class _View:
         a, b = self.tie.a, self.tie.b
         return self.frames.between(a.node, a.point, b.node, b.point, self.axes)
 
+    @property
+    def size(self) -> Scalar:
+        """The length of the offset: of itself or as the slide has it, what is cheaper."""
+        offset, slide = self.offset, self.tie.slide
+        found: Scalar = al.norm(offset)
+        if slide is None:
+            return found
+        start, end, axes = slide.start, slide.end, slide.start.node.frame
+        x = self.frames.between(start.node, start.point, end.node, end.point, axes)
+        own = al.dot(x, slide.unit)
+        return min(own, found, key=lambda size: _instructions([*offset, size]))
+
+    def rate(self) -> Scalar:
+        """Sum of the rates of the terms."""
+        rate = self.motion.variable_rate
+        return al.total([al.mul(factor, rate(k)) for k, factor in self.tie.terms])
+
+    def rate_change(self) -> Scalar:
+        """Sum of the accelerations of the terms."""
+        change = self.motion.variable_rate_change
+        return al.total([al.mul(factor, change(k)) for k, factor in self.tie.terms])
+
     def closing_velocity(self) -> Vector:
         """Velocity of the origin of b less that of a."""
         a, b = (
@@ -253,14 +315,10 @@ def _advance_velocity(view: _View) -> list[Scalar]:
     return [al.sub(al.dot(z, view.slip()), al.mul(lead, al.dot(z, view.relative_spin)))]
 
 
-def _coupling_velocity(view: _View) -> list[Scalar]:
-    rate = view.motion.variable_rate
-    return [al.total([al.mul(factor, rate(k)) for k, factor in view.tie.terms])]
-
-
-def _coupling_acceleration(view: _View) -> list[Scalar]:
-    change = view.motion.variable_rate_change
-    return [al.total([al.mul(factor, change(k)) for k, factor in view.tie.terms])]
+def _length_velocity(view: _View) -> list[Scalar]:
+    """e·v - l̇ with the unit vector e from a to b."""
+    e = al.scale(1.0 / view.size, view.offset)
+    return [al.sub(al.dot(e, view.closing_velocity()), view.rate())]
 
 
 def _lead(view: _View) -> Scalar:
@@ -269,6 +327,13 @@ def _lead(view: _View) -> Scalar:
 
 TURN = 6.283185307179586
 """rad"""
+
+
+def _instructions(scalars: Sequence[Scalar]) -> int:
+    """Instructions of some scalars; what they share counts once."""
+    column = casadi.vertcat(*[casadi.SX(x) for x in scalars])
+    return int(casadi.Function("count", casadi.symvar(column), [column]).n_instructions())
+
 
 _VELOCITY: Mapping[str, Callable[[_View], list[Scalar]]] = {
     "point": lambda view: list(view.closing_velocity()),
@@ -279,8 +344,9 @@ _VELOCITY: Mapping[str, Callable[[_View], list[Scalar]]] = {
     "circle": _circle_velocity,
     "crossed": _crossed_velocity,
     "advance": _advance_velocity,
-    "coupling": _coupling_velocity,
+    "coupling": lambda view: [view.rate()],
     "distance": _distance_velocity,
+    "length": _length_velocity,
 }
 
 # accelerations
@@ -302,6 +368,14 @@ def _distance_acceleration(view: _View) -> list[Scalar]:
     """(e·v)˙ = e·a + v·v."""
     v = view.closing_velocity()
     return [al.add(al.dot(view.offset, view.closing_acceleration()), al.dot(v, v))]
+
+
+def _length_acceleration(view: _View) -> list[Scalar]:
+    """(e·v)˙ = e·a + (v·v - l̇²) / l."""
+    v, rate, inverse = view.closing_velocity(), view.rate(), 1.0 / view.size
+    along = al.dot(al.scale(inverse, view.offset), view.closing_acceleration())
+    across = al.mul(inverse, al.sub(al.dot(v, v), al.mul(rate, rate)))
+    return [al.sub(al.add(along, across), view.rate_change())]
 
 
 def _circle_acceleration(view: _View) -> list[Scalar]:
@@ -332,6 +406,7 @@ _ACCELERATION: Mapping[str, Callable[[_View], list[Scalar]]] = {
     "circle": _circle_acceleration,
     "crossed": _crossed_acceleration,
     "advance": _advance_acceleration,
-    "coupling": _coupling_acceleration,
+    "coupling": lambda view: [view.rate_change()],
     "distance": _distance_acceleration,
+    "length": _length_acceleration,
 }
