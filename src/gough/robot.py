@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from gough.geometry.rates import Kinematics
     from gough.geometry.tracking import OnSingularity, Tracker
     from gough.simulation.controllers import Sampled
+    from gough.simulation.ensemble import Measure
     from gough.simulation.equations import CommandSource
     from gough.simulation.simulate import Simulator
 
@@ -573,8 +574,18 @@ class Robot:
         times: int | ArrayLike = 201,
         max_step: float = np.inf,
         max_steps: int = 10_000_000,
+        locate: bool | None = None,
+        samples: int | None = None,
+        vary: Mapping[str, Any] | str | None = None,
+        design: str = "latin-hypercube",
+        seed: int = 0,
+        store: str | Path | None = None,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        progress: bool | Callable[[int, int], None] = True,
+        measures: Mapping[str, Measure] | None = None,
     ) -> xarray.Dataset:
-        """A motion from a start under the actuators, as a dataset over time.
+        """A motion from a start under the actuators, as a dataset over time; or many of them.
 
         Args:
             duration: s.
@@ -592,9 +603,26 @@ class Robot:
             method: "dormand-prince", or with scikit-sundae "adams" or "bdf".
             rtol: relative tolerance of the local error.
             atol: absolute tolerance, in the unit of each state; rtol by default.
-            times: how many times the motion is seen at, evenly spaced, or which, s.
+            times: how many times the motion is seen at, evenly spaced, or which, s. Ensembles
+                keep only the end by default.
             max_step: longest step, s.
             max_steps: largest number of steps.
+            locate: whether steps end where the formula of a law switches, such as at the reversals
+                of a hysteretic actuator; by default where rtol is below 1e-7.
+            samples: how many runs an ensemble has; None for a single run.
+            vary: what differs from run to run: a distribution ("±10 %", "normal(3.5, 0.1)", see
+                `gough.uncertainty`) for each name of a parameter (mass, scale[2]), of the start
+                (x0.z, x0.rx, v0.x) or of an input (inputs.leg1.slide). One text stands for every
+                number among the parameters.
+            design: "latin-hypercube", "sobol", "random", or "saltelli" for Sobol' indices, which
+                has samples · (factors + 2) runs.
+            seed: of the design.
+            store: a folder that results go to, chunk by chunk (zarr); an interrupted ensemble goes
+                on where it was. None keeps them in memory.
+            workers: chunks computed at once; all cores by default.
+            scheduler: address of a Dask scheduler that has the runs made.
+            progress: whether a terminal shows a bar; or a function of runs done and in all.
+            measures: further numbers of each run, by name: functions of the columns of some runs.
 
         Returns:
             Variables over ``time``: ``pose`` and ``twist`` (or ``x`` and ``xd``), ``q`` and ``v``
@@ -604,32 +632,54 @@ class Robot:
             ``event``; ``ending``, a word whose long name says how the run ended. Times behind an
             early end are left out.
 
+            Of an ensemble variables over ``row``: ``ending`` and ``end``, ``pose`` and ``twist``
+            there, ``energy``, ``energy_balance_error``, ``first`` time of each event, ``factor``,
+            ``counts`` and the measures. A run that failed is a row with the name of its ending.
+
         Raises:
             ConfigurationError: an argument has the wrong form or value.
-            UnknownName: a joint, an actuator or a method does not exist.
+            UnknownName: a joint, an actuator, a factor or a method does not exist.
+            StoreError: the store can not be used, or is of another ensemble.
             SingularError: x0 is out of reach.
             MissingExtra: the method needs a package that is not installed.
         """
+        from gough.simulation.many import Many, ensemble_of, simulate_many
         from gough.simulation.simulate import Request
 
-        return self.simulator.run(
-            Request(
-                duration,
-                x0,
-                v0,
-                q0,
-                inputs,
-                controller,
-                events,
-                gravity,
-                method,
-                rtol,
-                atol,
-                times,
-                max_step,
-                max_steps,
-            )
+        request = Request(
+            duration,
+            x0,
+            v0,
+            q0,
+            inputs,
+            controller,
+            events,
+            gravity,
+            method,
+            rtol,
+            atol,
+            times,
+            max_step,
+            max_steps,
+            locate,
         )
+        if samples is None:
+            if vary is not None:
+                raise ConfigurationError("vary takes samples: how many runs there are")
+            return self.simulator.run(request)
+        many = Many(
+            samples,
+            vary or {},
+            design,
+            seed,
+            store,
+            workers,
+            scheduler,
+            progress,
+            measures or {},
+        )
+        ensemble = ensemble_of(self.mechanism, self.structure.modelling, self._live, request, many)
+        return simulate_many(ensemble, many, {"robot": self.name, **self._told})
 
     @cached_property
     def _exported(self) -> list[Exported]:

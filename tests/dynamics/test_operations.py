@@ -8,8 +8,10 @@ from gough.description import Mechanism
 from gough.dynamics import model as model_module
 from gough.dynamics import plans
 from gough.dynamics.model import Model
+from gough.dynamics.writing import Inputs
 from gough.errors import ConfigurationError
 from gough.robot import Robot, load
+from gough.symbolic.trees.selection import Selector
 
 GUARD = 60
 """Operations that tell singular rows: determinants by their size, numbers that are none."""
@@ -59,6 +61,72 @@ def test_direct_dynamics_of_many_freedoms_by_composite_inertia():
     )
     forces = model.kernel("forces", "q").tape.counts()["total"]
     assert direct <= 2.5 * max(inverse, forces)
+
+
+def test_operations_of_legs_without_inertia():
+    """Of a leg that is only a length no angle is solved: a root and a quotient each."""
+    model = load("deployable-hexapod").dynamics.model("platform")
+    for kind, most, fused in (("inverse", 920 + PIVOTING, 970), ("direct", 1140, 820)):
+        kernel = model.kernel(kind, "x")
+        counts = kernel.tape.counts()
+        assert counts["total"] <= most
+        assert kernel.program.operations <= fused
+        assert counts["sqrt"] == 6
+        assert counts["div"] == 12
+        assert not counts.get("trig", 0)
+
+
+def with_massless_legs(name):
+    """A robot of which only the platform has inertia, and motors on its slides."""
+    content = load(name).mechanism.model_dump(exclude_unset=True)
+    for leg in content["legs"].values():
+        for body in leg["bodies"].values():
+            body["mass"], body["inertia"] = 0, [0, 0, 0]
+        for joint in leg["joints"].values():
+            if joint.get("actuated"):
+                joint["motor"] = {"inertia": 0.01, "ratio": 3}
+    return Robot(Mechanism.model_validate(content))
+
+
+@pytest.mark.parametrize("space", ["platform", "joint"])
+@pytest.mark.parametrize("name", ["gough-stewart", "6-sps", "3-upu", "tricept", "3-rpr"])
+def test_rates_of_lengths_say_the_same(name, space, monkeypatch):
+    """Models by the lengths of massless legs, and by the motion of their tips."""
+    robot = with_massless_legs(name)
+    args = robot.models, robot.assembler, robot.home.q, space
+    one = Model(*args, regrouped=False, searched=False)
+    monkeypatch.setattr(Selector, "_lengths", lambda *_: {})
+    other = Model(*args, regrouped=False, searched=False)
+    rng = np.random.default_rng(14)
+    q = [robot.assembler.wander(robot.home.q, rng, 0.5) for _ in range(4)]
+    q = np.array([at for at in q if at is not None])
+    y, yd = rng.normal(size=(2, len(q), len(one.given)))
+    for kind, *rates in (("forces", y, yd), ("mass_matrix",), ("motor_jacobian",), ("rates", y)):
+        found, expected = (model.kernel(kind, "q")(q, *rates) for model in (one, other))
+        np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    fewer, more = (model.kernel("forces", "q").program.operations for model in (one, other))
+    assert fewer < more
+
+
+@pytest.mark.parametrize("name", ["gough-stewart", "6-sps", "3-upu"])
+def test_a_wrench_on_a_massless_leg_is_felt(name, monkeypatch):
+    """What acts on a leg feels its angles, which lengths do not tell."""
+    robot = with_massless_legs(name)
+    args = robot.models, robot.assembler, robot.home.q, "platform"
+    one = Model(*args, regrouped=False, searched=False)
+    monkeypatch.setattr(Selector, "_lengths", lambda *_: {})
+    other = Model(*args, regrouped=False, searched=False)
+    body = next(body for body in robot.structure.flat.bodies if body.startswith("leg1."))
+    rng = np.random.default_rng(15)
+    y, yd, wrench = rng.normal(size=(3, len(one.given)))
+    inputs = Inputs(bodies=(body,))
+    found, expected = (
+        model.kernel("forces", "q", inputs)(robot.home.q, y, yd, np.resize(wrench, 6))
+        for model in (one, other)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-10 * np.abs(expected).max())
+    without = one.kernel("forces", "q")(robot.home.q, y, yd)
+    assert np.abs(found - without).max() > 0.1
 
 
 @pytest.mark.parametrize("name", sorted(catalogue.names()))

@@ -35,11 +35,12 @@ class Mechanism(Description):
     def written_out(self) -> Mechanism:
         """The same mechanism with its legs, and parallelograms with heavy bars, written out.
 
-        Every part then has its full name and can be changed alone.
+        Every part then has its full name and can be changed alone; variants, which change parts as
+        they were described, are left out.
         """
         flat = flatten(self)
         parts = {kind: getattr(flat, kind) for kind in ("parameters", *KINDS)}
-        return Mechanism(**{**dict(self), **parts, "legs": {}})
+        return Mechanism(**{**dict(self), **parts, "legs": {}, "variants": {}})
 
     def varied(self, *names: str) -> Mechanism:
         """The mechanism with the changes of some of its variants, one after the other.

@@ -115,6 +115,8 @@ class Tolerances:
     """How closely other events are located, s; 0.001 rtol of the duration if None."""
     guard: float = 0.0
     """A run ends where a guard's value falls below this."""
+    exact: bool = True
+    """Whether steps end at marks; else their times are interpolated, to third order of a step."""
     first_step: float = 0.0
     largest_step: float = np.inf
     max_steps: int = MOST_STEPS
@@ -230,6 +232,7 @@ class _Loop:
             float(0.01 * np.sqrt(rtol) if reversal is None else reversal),
             float(1e-3 * rtol * duration if closeness is None else closeness),
             float(tolerances.guard),
+            bool(tolerances.exact),
             int(tolerances.max_steps),
         )
         signals = problem.coefficients.shape[1]

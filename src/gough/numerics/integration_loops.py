@@ -45,6 +45,7 @@ from gough.numerics.lanes import (
     smaller,
     splat_wide,
     store,
+    where_more,
 )
 from gough.numerics.projecting import Projection, normalise, project
 
@@ -97,6 +98,8 @@ class Rules(NamedTuple):
     """How closely other events are located, s."""
     guard: float
     """A run ends where a guard's value falls below this."""
+    exact: bool
+    """Whether steps end at marks too; else their times are interpolated within steps."""
     most_steps: int
 
 
@@ -160,6 +163,8 @@ class Lane(NamedTuple):
     sample: Pointer
     refused: Pointer
     last: Pointer
+    stops: Pointer
+    """1 where an event stops the run after the step, 2 where a guard does."""
 
 
 class Tiles(NamedTuple):
@@ -175,6 +180,10 @@ class Tiles(NamedTuple):
     t: Pointer
     error: Pointer
     factor: Pointer
+    alarm: Pointer
+    """Not 0 where something may have happened in a step."""
+    taken: Pointer
+    """1 where a lane takes its step, else 0."""
     one_in: Pointer
     """The same of a single lane."""
     one_out: Pointer
@@ -184,8 +193,8 @@ def room(width: int, shape: Shape) -> tuple[int, int]:
     """How many float64 and int64 a call of `run_rows` needs to work in."""
     inside = 1 + shape.states + shape.signals + shape.switches + shape.prepared
     out = shape.states + shape.events
-    wide = inside + 2 * shape.states + STAGES * out + 4 + 7
-    return wide * width + inside + out + 24, 7 * width + 8
+    wide = inside + 2 * shape.states + STAGES * out + 6 + 7
+    return wide * width + inside + out + 24, 8 * width + 8
 
 
 @part
@@ -197,7 +206,7 @@ def new_tiles(width: int, shape: Shape, reals: Pointer) -> tuple[Tiles, int]:
     y1 = y + shape.states * width
     stages = y1 + shape.states * width
     h = stages + STAGES * out * width
-    one = h + 4 * width
+    one = h + 6 * width
     tiles = Tiles(
         reals,
         pointer_to(reals, y),
@@ -207,6 +216,8 @@ def new_tiles(width: int, shape: Shape, reals: Pointer) -> tuple[Tiles, int]:
         pointer_to(reals, h + width),
         pointer_to(reals, h + 2 * width),
         pointer_to(reals, h + 3 * width),
+        pointer_to(reals, h + 4 * width),
+        pointer_to(reals, h + 5 * width),
         pointer_to(reals, one),
         pointer_to(reals, one + inside),
     )
@@ -231,6 +242,7 @@ def new_lanes(width: int, reals: Pointer, at: int, whole: Pointer) -> Lane:
         pointer_to(whole, 4 * width),
         pointer_to(whole, 5 * width),
         pointer_to(whole, 6 * width),
+        pointer_to(whole, 7 * width),
     )
 
 
@@ -333,6 +345,48 @@ def measure(width: Any, tiles: Tiles, shape: Shape, atol: Pointer, rtol: float) 
     store(tiles.factor, 0, factor)
 
 
+@routine
+def watch(width: Any, tiles: Tiles, shape: Shape, level: float, reversal: float) -> None:
+    """Raise the alarm in lanes where an event may lie in the step.
+
+    The last event is the guard, if there is one; a level of -inf leaves it out.
+    """
+    wide = len(width)
+    out, inside = shape.states + shape.events, 1 + shape.states + shape.signals
+    zero, one, two = splat_wide(0.0, width), splat_wide(1.0, width), splat_wide(2.0, width)
+    alarm = zero
+    for k in range(shape.switches):
+        s = two * load_wide(tiles.given, (inside + k) * wide, width) - one
+        least = s * load_wide(tiles.stages, (shape.states + k + out) * wide, width)
+        for stage in range(2, STAGES):
+            at = (stage * out + shape.states + k) * wide
+            least = smaller(least, s * load_wide(tiles.stages, at, width))
+        alarm = where_more(splat_wide(-reversal, width), least, one, alarm)
+    for k in range(shape.switches, shape.events):
+        at = (shape.states + k) * wide
+        start = load_wide(tiles.stages, at, width)
+        end = load_wide(tiles.stages, at + (STAGES - 1) * out * wide, width)
+        alarm = where_more(start * end, zero, alarm, one)
+        if k == shape.events - 1:
+            alarm = where_more(splat_wide(level, width), end, one, alarm)
+    store(tiles.alarm, 0, alarm)
+
+
+@routine
+def commit(width: Any, tiles: Tiles, shape: Shape) -> None:
+    """States and first stages of the next step in lanes that take theirs."""
+    wide = len(width)
+    out, half = shape.states + shape.events, splat_wide(0.5, width)
+    taken = load_wide(tiles.taken, 0, width)
+    for j in range(shape.states):
+        y1, y = load_wide(tiles.y1, j * wide, width), load_wide(tiles.y, j * wide, width)
+        store(tiles.y, j * wide, where_more(taken, half, y1, y))
+    for j in range(out):
+        last = load_wide(tiles.stages, ((STAGES - 1) * out + j) * wide, width)
+        first = load_wide(tiles.stages, j * wide, width)
+        store(tiles.stages, j * wide, where_more(taken, half, last, first))
+
+
 # one lane
 
 
@@ -386,7 +440,7 @@ def fill(run: int, r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lan
         at = (inside + shape.switches + k) * wide + r
         tiles.given[at] = rows.prepared[run * shape.prepared + k]
     lane.run[r], lane.t[r], lane.event[r] = run, rules.start, -1
-    lane.sample[r], lane.refused[r], lane.last[r] = 0, 0, 0
+    lane.sample[r], lane.refused[r], lane.last[r], lane.stops[r] = 0, 0, 0, 0
     for k in range(4):
         rows.counts[run * 4 + k] = 0
     evaluate_one(code, r, wide, tiles, shape, lane, signals)
@@ -397,21 +451,27 @@ def fill(run: int, r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lan
     lane.long[r] = lane.h[r]
 
 
+@part
+def interpolated(share: float, j: int, r: int, wide: int, tiles: Tiles, shape: Shape,
+                 lane: Lane) -> float:  # fmt: skip
+    """A state at a share of a lane's trial step."""
+    apart, total = (shape.states + shape.events) * wide, 0.0
+    if share > 0.0:
+        for k in range(STAGES):
+            w = P[4 * k + 2] + share * P[4 * k + 3]
+            w = share * (P[4 * k] + share * (P[4 * k + 1] + share * w))
+            total += w * tiles.stages[k * apart + j * wide + r]
+    return float(tiles.y[j * wide + r] + lane.h[r] * total)
+
+
 @routine
 def take_sample(r: int, wide: int, share: float, tiles: Tiles, shape: Shape, lane: Lane,
                 rows: Rows, projection: Projection) -> None:  # fmt: skip
     """The states at a share of the step that a lane has made, by the interpolant, put back."""
-    states, apart = shape.states, (shape.states + shape.events) * wide
+    states = shape.states
     at = (lane.run[r] * rows.sampled + lane.sample[r]) * states
     for j in range(states):
-        total = 0.0
-        if share > 0.0:
-            for k in range(STAGES):
-                w = P[4 * k + 2] + share * P[4 * k + 3]
-                w = share * (P[4 * k] + share * (P[4 * k + 1] + share * w))
-                total += w * tiles.stages[k * apart + j * wide + r]
-            total *= lane.h[r]
-        rows.samples[at + j] = tiles.y[j * wide + r] + total
+        rows.samples[at + j] = interpolated(share, j, r, wide, tiles, shape, lane)
     taken = pointer_to(rows.samples, at)
     project(projection, lane.run[r], taken, 1, 0)
     normalise(projection, taken, 1, 0)
@@ -461,7 +521,7 @@ def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules:
     """
     first, flipped, inside = 2.0, False, 1 + shape.states + shape.signals
     for k in range(shape.events):
-        if events.kind[k] == GUARD:
+        if events.kind[k] == GUARD or (events.kind[k] == MARK and not rules.exact):
             continue
         start, end = value_at(0, k, r, wide, tiles, shape), value_at(6, k, r, wide, tiles, shape)
         s, switch = sign_of(k, r, wide, tiles, shape, events, start), events.kind[k] == SWITCH
@@ -523,6 +583,59 @@ def go_on_locating(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, ru
     return True
 
 
+@part
+def note(run: int, k: int, t: float, rows: Rows) -> None:
+    """Keep the time of an event; without room it is only counted."""
+    count = rows.counts[run * 4 + 3]
+    if count < rows.room:
+        rows.event_times[run * rows.room + count] = t
+        rows.event_kinds[run * rows.room + count] = k
+    rows.counts[run * 4 + 3] = count + 1
+
+
+@routine
+def note_marks(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rows: Rows,
+               events: Events, signals: Signals) -> None:  # fmt: skip
+    """Keep the times of marks inside a lane's step.
+
+    The value where a straight line would be zero, by the interpolant, and those at the ends make a
+    parabola; a step of Newton's method on that finds its zero.
+    """
+    for k in range(shape.switches, shape.events):
+        if events.kind[k] != MARK:
+            continue
+        start, end = value_at(0, k, r, wide, tiles, shape), value_at(6, k, r, wide, tiles, shape)
+        s = sign_of(k, r, wide, tiles, shape, events, start)
+        if s == 0.0 or not s * end < TINY:
+            continue
+        share = start / (start - end)
+        if 0.0 < share < 1.0:
+            evaluate_inside(share, code, r, wide, tiles, shape, lane, signals)
+            rows.counts[lane.run[r] * 4 + 2] += 1
+            value = tiles.one_out[shape.states + k]
+            first, second = (value - start) / share, (end - value) / (1.0 - share)
+            slope = first + (second - first) * share
+            if slope != 0.0:
+                share = min(max(share - value / slope, 0.0), 1.0)
+        note(lane.run[r], k, lane.t[r] + share * lane.h[r], rows)
+
+
+@routine
+def evaluate_inside(share: float, code: int, r: int, wide: int, tiles: Tiles, shape: Shape,
+                    lane: Lane, signals: Signals) -> None:  # fmt: skip
+    """Rates and event values at a share of a lane's trial step."""
+    states, inside = shape.states, 1 + shape.states + shape.signals
+    t = lane.t[r] + share * lane.h[r]
+    tiles.one_in[0] = t
+    for j in range(states):
+        tiles.one_in[1 + j] = interpolated(share, j, r, wide, tiles, shape, lane)
+    for k in range(shape.signals):
+        tiles.one_in[1 + states + k] = signal(signals, shape.signals, k, t)
+    for k in range(inside, inside + shape.switches + shape.prepared):
+        tiles.one_in[k] = tiles.given[k * wide + r]
+    call_tile(code, tiles.one_in, tiles.one_out)
+
+
 @routine
 def happen(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules, rows: Rows,
            events: Events) -> bool:  # fmt: skip
@@ -533,7 +646,7 @@ def happen(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rul
     located, run, stops = lane.event[r], lane.run[r], False
     inside = 1 + shape.states + shape.signals
     for k in range(shape.events):
-        if events.kind[k] == GUARD:
+        if events.kind[k] == GUARD or (events.kind[k] == MARK and not rules.exact):
             continue
         start, end = value_at(0, k, r, wide, tiles, shape), value_at(6, k, r, wide, tiles, shape)
         s = sign_of(k, r, wide, tiles, shape, events, start)
@@ -543,11 +656,7 @@ def happen(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rul
             due = s * start > 0.0 and s * end <= 0.0
         if k != located and not due:
             continue
-        count = rows.counts[run * 4 + 3]
-        if count < rows.room:
-            rows.event_times[run * rows.room + count] = lane.t[r]
-            rows.event_kinds[run * rows.room + count] = k
-        rows.counts[run * 4 + 3] = count + 1
+        note(run, k, lane.t[r] + lane.h[r], rows)
         if events.kind[k] == SWITCH:
             tiles.given[(inside + k) * wide + r] = 0.5 - 0.5 * s
         stops = stops or events.kind[k] == STOP
@@ -564,21 +673,17 @@ def guarded(r: int, wide: int, tiles: Tiles, shape: Shape, events: Events, level
 
 
 @routine
-def take_step(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
-              rows: Rows, projection: Projection) -> None:  # fmt: skip
-    """Make a trial step the lane's: samples inside it, time, states, first stage of the next."""
+def pass_samples(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
+                 rows: Rows, projection: Projection) -> None:  # fmt: skip
+    """Samples and time of a lane that takes its step; `commit` does the rest."""
     t1 = rules.end if lane.last[r] == 1 else lane.t[r] + lane.h[r]
     while lane.sample[r] < rows.sampled and rows.sample_times[lane.sample[r]] <= t1:
         share = (rows.sample_times[lane.sample[r]] - lane.t[r]) / lane.h[r]
         take_sample(r, wide, share, tiles, shape, lane, rows, projection)
     lane.t[r] = t1
-    for j in range(shape.states):
-        tiles.y[j * wide + r] = tiles.y1[j * wide + r]
-    out = shape.states + shape.events
-    for k in range(out):
-        tiles.stages[k * wide + r] = tiles.stages[((STAGES - 1) * out + k) * wide + r]
     rows.counts[lane.run[r] * 4] += 1
     lane.refused[r] = 0
+    tiles.taken[r] = 1.0
 
 
 @part
@@ -604,82 +709,78 @@ def stuck(r: int, tiles: Tiles, lane: Lane, rules: Rules, rows: Rows) -> int:
 def judge(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
           rows: Rows, events: Events, signals: Signals,
           projection: Projection) -> None:  # fmt: skip
-    """What becomes of a lane's trial step."""
-    run, factor = lane.run[r], tiles.factor[r]
+    """Whether a lane takes its trial step, and what happens in it; `settle` goes on from there."""
+    run = lane.run[r]
     rows.counts[run * 4 + 2] += STAGES - 1
     if not tiles.error[r] <= 1.0:
-        refuse(r, factor, lane, rules, rows)
+        refuse(r, tiles.factor[r], lane, rules, rows)
         ending = stuck(r, tiles, lane, rules, rows)
         if ending != RUNNING:
             finish(r, ending, wide, tiles, shape, lane, rows)
         return
-    found, located = 0, lane.event[r] >= 0
-    if not located and shape.events > 0:
+    if lane.event[r] >= 0:
+        if go_on_locating(r, wide, tiles, shape, lane, rules, events):
+            lane.last[r] = 0
+            return
+        lane.stops[r] = 1 if happen(r, wide, tiles, shape, lane, rules, rows, events) else 0
+    elif tiles.alarm[r] != 0.0:
         found = find_event(r, wide, tiles, shape, lane, rules, events)
-    elif located and go_on_locating(r, wide, tiles, shape, lane, rules, events):
-        lane.last[r] = 0
-        return
-    if found == 1:
-        lane.long[r], lane.last[r] = lane.after[r], 0
-        return
-    if found == 2:
-        evaluate_one(code, r, wide, tiles, shape, lane, signals)
-        rows.counts[run * 4 + 2] += 1
-        return
-    if found == 3 and lane.h[r] > 1e3 * SMALLEST_STEP * (rules.end - rules.start):
-        refuse(r, 0.5, lane, rules, rows)
-        return
-    settle(r, located, factor, code, wide, tiles, shape, lane, rules, rows, events, signals,
-           projection)  # fmt: skip
-
-
-@routine
-def settle(r: int, located: bool, factor: float, code: int, wide: int, tiles: Tiles, shape: Shape,
-           lane: Lane, rules: Rules, rows: Rows, events: Events, signals: Signals,
-           projection: Projection) -> None:  # fmt: skip
-    """Take a lane's step, with what happens at its end."""
-    run, grow = lane.run[r], factor
-    if lane.refused[r] == 1:
-        grow = min(factor, 1.0)
-    fell = guarded(r, wide, tiles, shape, events, rules.guard)
-    long = max(lane.h[r] * grow, 0.2 * lane.long[r]) if located else lane.h[r] * grow
-    ended = lane.last[r] == 1
-    if located:
-        stop = happening(r, wide, tiles, shape, lane, rules, rows, events, projection)
-    else:
-        stop = False
-        take_step(r, wide, tiles, shape, lane, rules, rows, projection)
-    moved = project(projection, run, tiles.y, wide, r)
-    normalise(projection, tiles.y, wide, r)
-    if located or moved > 0:
-        evaluate_one(code, r, wide, tiles, shape, lane, signals)
-        rows.counts[run * 4 + 2] += 1
-    lane.event[r] = -1
-    lane.h[r] = min(long, rules.largest_step)
-    lane.long[r] = lane.h[r]
-    ending = stuck(r, tiles, lane, rules, rows)
-    if moved < 0:
-        finish(r, DRIFTED, wide, tiles, shape, lane, rows)
-    elif stop:
-        finish(r, STOPPED, wide, tiles, shape, lane, rows)
-    elif ended:
-        finish(r, FINISHED, wide, tiles, shape, lane, rows)
-    elif fell:
-        finish(r, GUARDED, wide, tiles, shape, lane, rows)
-    elif ending != RUNNING:
-        finish(r, ending, wide, tiles, shape, lane, rows)
+        if found == 1:
+            lane.long[r], lane.last[r] = lane.after[r], 0
+            return
+        if found == 2:
+            evaluate_one(code, r, wide, tiles, shape, lane, signals)
+            rows.counts[run * 4 + 2] += 1
+            return
+        if found == 3 and lane.h[r] > 1e3 * SMALLEST_STEP * (rules.end - rules.start):
+            refuse(r, 0.5, lane, rules, rows)
+            return
+    if tiles.alarm[r] != 0.0 and not rules.exact:
+        note_marks(r, code, wide, tiles, shape, lane, rows, events, signals)
+    take(r, wide, tiles, shape, lane, rules, rows, events, projection)
 
 
 @part
-def happening(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules, rows: Rows,
-              events: Events, projection: Projection) -> bool:  # fmt: skip
-    """Take a step that ends at an event, and let that happen; whether the run stops."""
-    start = lane.t[r]
-    lane.t[r] = start + lane.h[r]
-    stop = happen(r, wide, tiles, shape, lane, rules, rows, events)
-    lane.t[r] = start
-    take_step(r, wide, tiles, shape, lane, rules, rows, projection)
-    return stop
+def take(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules, rows: Rows,
+         events: Events, projection: Projection) -> None:  # fmt: skip
+    """Take a lane's step, and choose the next."""
+    grow = tiles.factor[r]
+    if lane.refused[r] == 1:
+        grow = min(grow, 1.0)
+    long = lane.h[r] * grow
+    if lane.event[r] >= 0:
+        long = max(long, 0.2 * lane.long[r])
+    if tiles.alarm[r] != 0.0 and guarded(r, wide, tiles, shape, events, rules.guard):
+        lane.stops[r] = 2
+    pass_samples(r, wide, tiles, shape, lane, rules, rows, projection)
+    lane.h[r] = min(long, rules.largest_step)
+    lane.long[r] = lane.h[r]
+
+
+@routine
+def settle(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
+           rows: Rows, signals: Signals, projection: Projection) -> None:  # fmt: skip
+    """Put the states of a lane that took its step back onto what they obey; end its run if due."""
+    run = lane.run[r]
+    moved = project(projection, run, tiles.y, wide, r)
+    normalise(projection, tiles.y, wide, r)
+    if lane.event[r] >= 0 or moved > 0:
+        evaluate_one(code, r, wide, tiles, shape, lane, signals)
+        rows.counts[run * 4 + 2] += 1
+    lane.event[r] = -1
+    stops, lane.stops[r] = lane.stops[r], 0
+    if moved < 0:
+        finish(r, DRIFTED, wide, tiles, shape, lane, rows)
+    elif stops == 1:
+        finish(r, STOPPED, wide, tiles, shape, lane, rows)
+    elif lane.last[r] == 1:
+        finish(r, FINISHED, wide, tiles, shape, lane, rows)
+    elif stops == 2:
+        finish(r, GUARDED, wide, tiles, shape, lane, rows)
+    else:
+        ending = stuck(r, tiles, lane, rules, rows)
+        if ending != RUNNING:
+            finish(r, ending, wide, tiles, shape, lane, rows)
 
 
 @part
@@ -694,6 +795,10 @@ def run_lanes(
     for r in range(wide):
         lane.run[r] = FREE
     following = first
+    last_event = shape.events - 1
+    level = -np.inf
+    if last_event >= shape.switches and events.kind[last_event] == GUARD:
+        level = rules.guard
     while True:
         active = 0
         for r in range(wide):
@@ -706,10 +811,17 @@ def run_lanes(
             return
         make_trials(code, width, tiles, shape, signals)
         measure(width, tiles, shape, rows.atol, rules.rtol)
+        watch(width, tiles, shape, level, rules.reversal)
         for r in range(wide):
+            tiles.taken[r] = 0.0
             if lane.run[r] != FREE:
                 judge(r, code_one, wide, tiles, shape, lane, rules, rows, events, signals,
                       projection)  # fmt: skip
+        commit(width, tiles, shape)
+        for r in range(wide):
+            if tiles.taken[r] != 0.0:
+                settle(r, code_one, wide, tiles, shape, lane, rules, rows, signals,
+                       projection)  # fmt: skip
 
 
 @part

@@ -66,6 +66,8 @@ class Setting:
     asked: tuple[Asked, ...] = ()
     gravity: bool = False
     """Whether gravity is given rather than that of the description."""
+    located: bool = True
+    """Whether steps end where a law's formula switches; else laws are continuous there."""
 
 
 class Scene:
@@ -183,7 +185,8 @@ class Equations:
         setting = self.setting
         self.t = SX.sym("t")
         self._memory = SX.sym("memory", sum(len(law.memory) for law in setting.laws))
-        self._branch = SX.sym("branch", sum(len(p.law.switches) for p in setting.laws))
+        switches = sum(len(p.law.switches) for p in setting.laws) if setting.located else 0
+        self._branch = SX.sym("branch", switches)
         self._inputs = SX.sym("inputs", len(setting.inputs))
         self._signals = SX.sym("signals", len(setting.signals))
         self._energies = SX.sym("energies", len(ENERGIES))
@@ -260,9 +263,16 @@ class Equations:
             self.place,
             self.writing.reduced,
             [self._memory[k] for k in range(self._memory.numel())],
-            [self._branch[k] for k in range(self._branch.numel())],
+            self._branches,
             lambda name: commands.get(name, 0.0),
         )
+
+    @property
+    def _branches(self) -> list[SX] | None:
+        """Symbols of the branches, if switches are located."""
+        if not self.setting.located:
+            return None
+        return [self._branch[k] for k in range(self._branch.numel())]
 
     # the motion
 
@@ -300,7 +310,7 @@ class Equations:
         ]
         found = [
             (Event(f"{placed.name}.{event.name}", event.kind), event.value)
-            for kind in ("switch", "mark")
+            for kind in (("switch", "mark") if self.setting.located else ("mark",))
             for placed, event in pairs
             if event.kind == kind and not al.is_number(event.value)
         ]

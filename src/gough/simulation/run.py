@@ -190,7 +190,7 @@ class Runner:
         times = np.zeros(rows) if t is None else t
         kernel = equations.started
         values: dict[str, Array] = {"t": times[:, None], "state": states}
-        values["signals"] = signal_values(*self._signals, times)
+        values["signals"] = self.signals_at(times)
         values["branches"] = np.ones((rows, kernel.inputs.get("branches", 0)))
         values |= {k: np.broadcast_to(x, (rows, len(x))) for k, x in self._held.items()}
         return [values[name] for name in kernel.inputs]
@@ -204,8 +204,12 @@ class Runner:
         }
         return held if self.gravity is None else held | {"gravity": self.gravity}
 
+    def signals_at(self, times: Array) -> Array:
+        """Values of all signals at some times, (times, signals)."""
+        return signal_values(*self.signals, times)
+
     @property
-    def _signals(self) -> tuple[Array, Array]:
+    def signals(self) -> tuple[Array, Array]:
         """Breaks and coefficients of all signals."""
         if self.told is None:
             return self.inputs.breaks, self.inputs.coefficients
@@ -219,13 +223,14 @@ class Runner:
         if now.branches is None:
             now.branches = self._branches(formulation, now.state)
         return METHODS[options.method](
-            formulation.problem(now.q, *self._signals),
+            formulation.problem(now.q, *self.signals),
             now.state[None],
             (now.t, until),
             Tolerances(
                 options.rtol,
                 np.array([options.atol]),
                 guard=level,
+                exact=self.formulations.setting.located,
                 largest_step=options.largest_step,
                 max_steps=options.max_steps,
             ),

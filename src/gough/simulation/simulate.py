@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+LOCATED = 1e-7
+"""Relative tolerance below which steps end where a law switches, unless asked otherwise: what a
+step across a switch costs in accuracy, of second order in its length, counts only then."""
 TIMES = 201
 """Times that a run is seen at, unless others are asked for."""
 FINEST = 1e-15
@@ -51,6 +54,7 @@ class Request:
     times: int | ArrayLike = TIMES
     max_step: float = np.inf
     max_steps: int = 10_000_000
+    locate: bool | None = None
 
 
 class Simulator:
@@ -110,7 +114,9 @@ class Simulator:
         signals = (
             source.signals(self.dynamics.model("joint")) if isinstance(source, Controller) else None
         )
-        formulations = self._kept(inputs, source, signals, asked, gravity is not None)
+        located = options.rtol < LOCATED if request.locate is None else bool(request.locate)
+        setting = self._setting(inputs, source, signals, asked, gravity is not None, located)
+        formulations = self._kept(setting)
         told = None if signals is None else (signals.breaks, signals.coefficients)
         return Runner(formulations, inputs, options, gravity, told, sampled, drives)
 
@@ -125,27 +131,32 @@ class Simulator:
                 found[law.name] = name, partial(_command, law)
         return found
 
-    def _kept(
+    def _setting(
         self,
         inputs: Inputs,
         source: CommandSource | None,
         signals: Signals | None,
         asked: tuple[Asked, ...],
         gravity: bool,
-    ) -> Formulations:
+        located: bool,
+    ) -> Setting:
+        names = () if signals is None else signals.names
+        told = {*inputs.constant, *inputs.tabled}
+        return Setting(
+            self._acting(told, source is not None),
+            tuple(inputs.constant),
+            (*inputs.tabled, *names),
+            source,
+            asked,
+            gravity,
+            located,
+        )
+
+    def _kept(self, setting: Setting) -> Formulations:
         """The formulations for a setting; those of an equal one are used again."""
-        key = (tuple(inputs.constant), inputs.tabled, id(source), asked, gravity)
+        laws = tuple(law.name for law in setting.laws)
+        key = (laws, id(setting.source), replace(setting, laws=(), source=None))
         if key not in self._formulations:
-            names = () if signals is None else signals.names
-            told = {*inputs.constant, *inputs.tabled}
-            setting = Setting(
-                self._acting(told, source is not None),
-                tuple(inputs.constant),
-                (*inputs.tabled, *names),
-                source,
-                asked,
-                gravity,
-            )
             self._formulations[key] = Formulations(self.dynamics, setting)
         return self._formulations[key]
 

@@ -78,6 +78,16 @@ class Regressor:
         if not self.model.actuated:
             name = dynamics.structure.mechanism.name
             raise ConfigurationError(f"{name} has no motors, so that no efforts can be measured")
+        passive = [
+            dynamics.structure.variables[k].name
+            for k in self.model.rotors
+            if k not in self.model.actuated
+        ]
+        if passive:
+            raise ConfigurationError(
+                f"{', '.join(passive)} has an actuator with inertia and no motor; its inertia "
+                "would be no parameter"
+            )
         short = [
             name for name, b in dynamics.structure.flat.bodies.items() if b.rotation != "exact"
         ]

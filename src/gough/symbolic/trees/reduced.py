@@ -12,7 +12,7 @@ the length of a leg is felt, as of one without inertia, its rate takes the place
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 
 import casadi
@@ -98,26 +98,11 @@ class Reduced:
 
     # dynamics
 
-    def forces(
-        self,
-        yd: Sequence[Scalar],
-        gravity: Vector | None,
-        loads: Loads,
-        efforts: Mapping[int, Scalar] | None = None,
-    ) -> list[Scalar]:
-        """Generalised forces along the given rates that a motion takes.
-
-        Args:
-            yd: accelerations of the given rates.
-            gravity: in root axes, m/s²; None for none.
-            loads: inertia and wrenches.
-            efforts: what motors give already, by variable.
-        """
-        efforts = efforts or {}
-        solver = self._solver({*_felt(self.tree, loads), *efforts})
+    def forces(self, yd: Sequence[Scalar], gravity: Vector | None, loads: Loads) -> list[Scalar]:
+        """Generalised forces along the given rates that a motion takes."""
+        solver = self._solver(_felt(self.tree, loads))
         motion = Motion(self.frames, self.C, solver.rates, solver.accelerations(yd), gravity)
-        h = tree_forces(self.frames, motion, loads, len(self.C))
-        return solver.onto_given([al.sub(x, efforts.get(k, 0.0)) for k, x in enumerate(h)])
+        return solver.onto_given(tree_forces(self.frames, motion, loads, len(self.C)))
 
     def rows_of(self, variables: Sequence[int]) -> Grid:
         """Rates of some variables for unit given rates, (variables, given)."""
@@ -171,7 +156,7 @@ def _felt(tree: Tree, loads: Loads) -> set[int]:
     nodes = [node for node in tree.nodes if _acts_on(loads, node)]
     nodes += [end for pair in loads.pairs for end in (pair.a, pair.b)]
     carrying = {v for node in nodes for n in node.ancestors() for v in n.variables}
-    return carrying | set(loads.rotors)
+    return carrying | set(loads.rotors) | set(loads.efforts)
 
 
 def _acts_on(loads: Loads, node: Node) -> bool:
