@@ -292,9 +292,9 @@ class Model:
         found = regroupings(self.tree, self._frames, given, TRIED)
         if not found:
             return None
-        return min(found, key=self._cost)
+        return min([*found, None], key=self._cost)
 
-    def _cost(self, regrouped: Regrouped) -> float:
+    def _cost(self, regrouped: Regrouped | None) -> float:
         return self._operations_of(self.by_joints, self._loads_of(regrouped))
 
     def _operations_of(self, reduced: Reduced, loads: Loads) -> float:

@@ -218,10 +218,13 @@ def _forces(w: Writing) -> Kernel:
 
 def _direct(w: Writing) -> Kernel:
     """ẏ for y and efforts, then how regular the mechanism is there."""
-    given = w.motor_forces()
-    bias, A = w.forces([0.0] * len(w.yd)), w.reduced.mass_matrix(w.loads)
+    efforts = w.loads.given(dict(zip(w.model.actuated, w.tau, strict=True)))
+    along, A = (
+        w.reduced.forces([0.0] * len(w.yd), w.gravity, efforts),
+        w.reduced.mass_matrix(w.loads),
+    )
     w.require_inertia(A)
-    right = [al.sub(a, b) for a, b in zip(given, bias, strict=True)]
+    right = [al.mul(-1.0, x) for x in along]
     yd, determinant = solve_definite(A, right)
     outputs = [*yd, w.regularity(determinant, yd, "direct")]
     return w.finish("direct", outputs, "y", "tau", "gravity", "wrenches")

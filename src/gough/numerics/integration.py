@@ -117,6 +117,8 @@ class Tolerances:
     """A run ends where a guard's value falls below this."""
     exact: bool = True
     """Whether steps end at marks; else their times are interpolated, to third order of a step."""
+    once: bool = False
+    """Whether only the first of each interpolated mark is noted, of up to 63 marks."""
     first_step: float = 0.0
     largest_step: float = np.inf
     max_steps: int = MOST_STEPS
@@ -233,6 +235,7 @@ class _Loop:
             float(1e-3 * rtol * duration if closeness is None else closeness),
             float(tolerances.guard),
             bool(tolerances.exact),
+            bool(tolerances.once),
             int(tolerances.max_steps),
         )
         signals = problem.coefficients.shape[1]

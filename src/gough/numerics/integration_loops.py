@@ -100,6 +100,8 @@ class Rules(NamedTuple):
     """A run ends where a guard's value falls below this."""
     exact: bool
     """Whether steps end at marks too; else their times are interpolated within steps."""
+    once: bool
+    """Whether only the first of each interpolated mark is noted."""
     most_steps: int
 
 
@@ -165,6 +167,8 @@ class Lane(NamedTuple):
     last: Pointer
     stops: Pointer
     """1 where an event stops the run after the step, 2 where a guard does."""
+    seen: Pointer
+    """A bit for each mark that was noted."""
 
 
 class Tiles(NamedTuple):
@@ -194,7 +198,7 @@ def room(width: int, shape: Shape) -> tuple[int, int]:
     inside = 1 + shape.states + shape.signals + shape.switches + shape.prepared
     out = shape.states + shape.events
     wide = inside + 2 * shape.states + STAGES * out + 6 + 7
-    return wide * width + inside + out + 24, 8 * width + 8
+    return wide * width + inside + out + 24, 9 * width + 8
 
 
 @part
@@ -243,6 +247,7 @@ def new_lanes(width: int, reals: Pointer, at: int, whole: Pointer) -> Lane:
         pointer_to(whole, 5 * width),
         pointer_to(whole, 6 * width),
         pointer_to(whole, 7 * width),
+        pointer_to(whole, 8 * width),
     )
 
 
@@ -318,6 +323,19 @@ def make_trials(code: int, width: Any, tiles: Tiles, shape: Shape, signals: Sign
     _make_7(code, width, tiles, shape, signals)
 
 
+@part
+def squares(j: int, width: Any, h: Any, tiles: Tiles, shape: Shape, atol: Pointer,
+            rtol: float) -> tuple[Any, Any]:  # fmt: skip
+    """Squares of the error of a state and of what is allowed; keeps the state at the end."""
+    wide = len(width)
+    apart = (shape.states + shape.events) * wide
+    y, y1 = load_wide(tiles.y, j * wide, width), load_wide(tiles.given, (1 + j) * wide, width)
+    store(tiles.y1, j * wide, y1)
+    allowed = fma(splat_wide(rtol, width), larger(size(y), size(y1)), splat_wide(atol[j], width))
+    wrong = h * error(tiles.stages, j * wide, apart, width)
+    return wrong * wrong, allowed * allowed
+
+
 @routine
 def measure(width: Any, tiles: Tiles, shape: Shape, atol: Pointer, rtol: float) -> None:
     """Mean squared error in tolerances, and what to multiply steps by.
@@ -325,16 +343,15 @@ def measure(width: Any, tiles: Tiles, shape: Shape, atol: Pointer, rtol: float) 
     The factor is 0.9 e^(-3/32) for the mean square e, close to the power -1/5 of its root; square
     roots round alike everywhere.
     """
-    wide = len(width)
-    apart = (shape.states + shape.events) * wide
-    h, relative = load_wide(tiles.h, 0, width), splat_wide(rtol, width)
-    total = splat_wide(0.0, width)
-    for j in range(shape.states):
-        y, y1 = load_wide(tiles.y, j * wide, width), load_wide(tiles.given, (1 + j) * wide, width)
-        store(tiles.y1, j * wide, y1)
-        allowed = fma(relative, larger(size(y), size(y1)), splat_wide(atol[j], width))
-        share = h * error(tiles.stages, j * wide, apart, width) / allowed
-        total = fma(share, share, total)
+    wide, even = len(width), shape.states - shape.states % 2
+    h, total = load_wide(tiles.h, 0, width), splat_wide(0.0, width)
+    for j in range(0, even, 2):  # two quotients in one: a/b + c/d = (a d + c b)/(b d)
+        a, b = squares(j, width, h, tiles, shape, atol, rtol)
+        c, d = squares(j + 1, width, h, tiles, shape, atol, rtol)
+        total = total + fma(a, d, c * b) / (b * d)
+    if even < shape.states:
+        a, b = squares(even, width, h, tiles, shape, atol, rtol)
+        total = total + a / b
     total = total * splat_wide(1.0 / shape.states, width)
     store(tiles.error, 0, total)
     fourth = root(root(larger(total, splat_wide(LEAST_ERROR, width))))
@@ -440,7 +457,7 @@ def fill(run: int, r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lan
         at = (inside + shape.switches + k) * wide + r
         tiles.given[at] = rows.prepared[run * shape.prepared + k]
     lane.run[r], lane.t[r], lane.event[r] = run, rules.start, -1
-    lane.sample[r], lane.refused[r], lane.last[r], lane.stops[r] = 0, 0, 0, 0
+    lane.sample[r], lane.refused[r], lane.last[r], lane.stops[r], lane.seen[r] = 0, 0, 0, 0, 0
     for k in range(4):
         rows.counts[run * 4 + k] = 0
     evaluate_one(code, r, wide, tiles, shape, lane, signals)
@@ -594,15 +611,15 @@ def note(run: int, k: int, t: float, rows: Rows) -> None:
 
 
 @routine
-def note_marks(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rows: Rows,
-               events: Events, signals: Signals) -> None:  # fmt: skip
+def note_marks(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
+               rows: Rows, events: Events, signals: Signals) -> None:  # fmt: skip
     """Keep the times of marks inside a lane's step.
 
     The value where a straight line would be zero, by the interpolant, and those at the ends make a
     parabola; a step of Newton's method on that finds its zero.
     """
     for k in range(shape.switches, shape.events):
-        if events.kind[k] != MARK:
+        if events.kind[k] != MARK or (rules.once and lane.seen[r] >> (k % 63) & 1):
             continue
         start, end = value_at(0, k, r, wide, tiles, shape), value_at(6, k, r, wide, tiles, shape)
         s = sign_of(k, r, wide, tiles, shape, events, start)
@@ -618,6 +635,7 @@ def note_marks(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: L
             if slope != 0.0:
                 share = min(max(share - value / slope, 0.0), 1.0)
         note(lane.run[r], k, lane.t[r] + share * lane.h[r], rows)
+        lane.seen[r] |= 1 << (k % 63)
 
 
 @routine
@@ -736,7 +754,7 @@ def judge(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, 
             refuse(r, 0.5, lane, rules, rows)
             return
     if tiles.alarm[r] != 0.0 and not rules.exact:
-        note_marks(r, code, wide, tiles, shape, lane, rows, events, signals)
+        note_marks(r, code, wide, tiles, shape, lane, rules, rows, events, signals)
     take(r, wide, tiles, shape, lane, rules, rows, events, projection)
 
 

@@ -43,6 +43,8 @@ LARGEST, SMALLEST = 2048, 64
 NOT_CLOSED = len(ENDINGS)
 """Ending of a row whose loops do not close with its parameters."""
 WORDS = (*(ending.name for ending in ENDINGS), "not_closed")
+MARKS = 32
+"""Below so many events only the first of each is looked for."""
 NOTED = 128
 """Events of a run that are looked through for the first of each kind."""
 
@@ -440,6 +442,7 @@ class _Prepared:
                 np.array([options.atol]),
                 guard=LOWEST,
                 exact=self.runner.formulations.setting.located,
+                once=len(self.events) < MARKS,
                 largest_step=options.largest_step,
                 max_steps=options.max_steps,
             ),

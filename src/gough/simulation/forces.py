@@ -139,11 +139,11 @@ class Acting:
     ) -> None:
         self.laws, self.model, self.place, self.reduced = laws, model, place, reduced
         states, switches = iter(memory), iter(branches or ())
+        self.variables = [variable_of(model.structure, law.joint, law.freedom) for law in laws]
+        self._rates = reduced.rates_for(self.variables)
         self.efforts: list[Effort] = []
-        self.variables: list[int] = []
         self.situations: list[Situation] = []
-        for placed in laws:
-            variable = variable_of(model.structure, placed.joint, placed.freedom)
+        for placed, variable in zip(laws, self.variables, strict=True):
             seen = Situation(
                 al.sub(self.position(placed, variable), placed.reference),
                 self.rate(variable),
@@ -151,20 +151,22 @@ class Acting:
                 command(placed.name) if placed.law.commanded else 0.0,
                 None if branches is None else tuple(next(switches) for _ in placed.law.switches),
             )
-            self.variables.append(variable)
             self.situations.append(seen)
             self.efforts.append(placed.law.effort(seen, placed.numbers))
 
     def rate(self, variable: int) -> Scalar:
         """Rate of a variable."""
-        return combined_sparse(self.reduced.C[variable], self.reduced.rates)
+        return combined_sparse(self.reduced.C[variable], self._rates)
 
     def position(self, placed: Placed, variable: int) -> Scalar:
         """Position of the freedom that a law acts on; 0 if it needs none."""
         if not placed.law.needs_position:
             return 0.0
         if self.place == "x":
-            return self.reduced.frames.positions.own_length(variable)  # type: ignore[attr-defined]
+            length = self.reduced.length(variable)
+            return (
+                length if length is not None else self.reduced.frames.positions.own_length(variable)
+            )  # type: ignore[attr-defined]
         closure, edge = self.model.closure, self.model.structure.variables[variable].edge
         return closure.position(edge)[placed.freedom]
 

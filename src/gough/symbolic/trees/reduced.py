@@ -85,6 +85,26 @@ class Reduced:
         """All kept rates."""
         return self._whole.rates
 
+    def rates_for(self, variables: Iterable[int]) -> Rates:
+        """Kept rates that are good for the rates of some variables."""
+        return self._solver(variables).rates
+
+    def length(self, variable: int) -> Scalar | None:
+        """Position of a slide from the length that its rate is taken from, if it is."""
+        if self._short is self._whole:
+            return None
+        for i in self._lengths:
+            tie = self.selection.lengths[i].tie
+            assert tie.slide is not None
+            end = tie.slide.end
+            if end.node.variables[0] == variable:
+                offset = self.frames.between(
+                    tie.a.node, tie.a.point, tie.b.node, tie.b.point, self.selection.lengths[i].axes
+                )
+                rest = al.dot(al.plus(end.node.arm, end.point), tie.slide.unit)
+                return al.mul(al.sub(al.norm(offset), rest), 1.0 / tie.terms[0][1])
+        return None
+
     def accelerations(self, yd: Sequence[Scalar]) -> Rates:
         """All kept accelerations for those of the given rates."""
         return self._whole.accelerations(yd)
