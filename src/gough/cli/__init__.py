@@ -16,6 +16,7 @@ COMMANDS = {
     "inverse": "Positions of the joints for a pose, on every working mode.",
     "list": "The robots of the catalogue.",
     "modes": "Every assembly mode for some positions of the motors.",
+    "simulate": "A motion under the actuators, or an ensemble of motions.",
     "study": "A report on a mechanism, with pictures.",
 }
 

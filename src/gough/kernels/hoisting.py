@@ -27,11 +27,11 @@ def hoisted(tape: Tape, held: Collection[int]) -> Hoisted:
     moving = _moving(tape, frozenset(held))
     edge = _edge(tape, moving)
     order = sorted(held)
-    first = _copied(tape, dict(zip(order, range(len(order)), strict=True)), {}, len(order), edge)
+    first = copied(tape, dict(zip(order, range(len(order)), strict=True)), {}, len(order), edge)
     others = [k for k in range(tape.inputs) if k not in set(held)]
     slots = {slot: place for place, slot in enumerate(others)}
     known = {k: len(others) + place for place, k in enumerate(edge)}
-    rest = _copied(tape, slots, known, len(others) + len(edge), tape.outputs)
+    rest = copied(tape, slots, known, len(others) + len(edge), tape.outputs)
     return Hoisted(first, rest)
 
 
@@ -62,10 +62,18 @@ def _held(tape: Tape, k: int) -> bool:
     return tape.code[k].op == "input"
 
 
-def _copied(
+def copied(
     tape: Tape, slots: dict[int, int], known: dict[int, int], inputs: int, outputs: Collection[int]
 ) -> Tape:
-    """The part of a tape that gives some values, from slots and from values that are known."""
+    """The part of a tape that gives some values, from slots and from values that are known.
+
+    Args:
+        tape: the whole.
+        slots: place of each input slot among the inputs of the part.
+        known: place there of values that are not computed.
+        inputs: how many inputs the part has.
+        outputs: the values.
+    """
     builder, numbers = Builder(inputs), {}
     for k in _needed(tape, known, outputs):
         op, operands = tape.code[k]

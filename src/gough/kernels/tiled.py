@@ -14,7 +14,8 @@ from gough.kernels.kernel import Kernel
 from gough.kernels.native.compilation import COMPILING, LONGEST
 from gough.kernels.native.machine import Loaded, host, level_for
 from gough.kernels.native.store import compiled_from
-from gough.kernels.native.tiles import ENTRY, TileText
+from gough.kernels.native.tiles import ENTRY, SkippingTileText, TileText
+from gough.kernels.skipping import Skipping, skipping
 from gough.kernels.tape import Tape
 
 
@@ -75,8 +76,11 @@ class TiledKernel:
             return self._loaded[width].address(ENTRY)
 
     def _text(self, width: int) -> tuple[str, int]:
-        text = TileText(self.program, width, LONGEST)
-        return str(text), level_for(self.program.operations)
+        level = level_for(self.program.operations)
+        three = skipping(self._parts.rest)
+        if three is None or self.program.operations > LONGEST:
+            return str(TileText(self.program, width, LONGEST)), level
+        return str(SkippingTileText(Skipping(*map(self._written_out, three)), width)), level
 
 
 def widest() -> int:

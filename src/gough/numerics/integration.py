@@ -18,6 +18,8 @@ MOST_STEPS = 10_000_000
 """Steps of one run at most."""
 EVENTS = 64
 """Events of a run that are noted, unless more are asked for."""
+LEAST_ATOL = 1e-70
+"""Absolute tolerances below this would vanish when products of their squares are made."""
 WIDEST = 8
 """Lanes of a loop over many runs."""
 
@@ -91,9 +93,19 @@ class Problem:
         return sum(event.kind == "switch" for event in self.events)
 
 
-def signal_values(breaks: Array, coefficients: Array, t: Array) -> Array:
-    """Values of signals at some times, (times, signals)."""
-    piece = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, None)
+def signal_values(
+    breaks: Array, coefficients: Array, t: Array, begun: Array | None = None
+) -> Array:
+    """Values of signals at some times, (times, signals).
+
+    Args:
+        breaks: where pieces begin, s.
+        coefficients: of powers of the time since then, (pieces, signals, 6).
+        t: the times, s.
+        begun: times in the pieces to take, s; t by default.
+    """
+    begun = t if begun is None else begun
+    piece = np.clip(np.searchsorted(breaks, begun, side="right") - 1, 0, None)
     if not len(breaks):
         return np.zeros((len(t), coefficients.shape[1]))
     s, found = (t - breaks[piece])[:, None], np.zeros((len(t), coefficients.shape[1]))
@@ -197,7 +209,7 @@ def empty_runs(
     return Runs(
         np.array(states, dtype=float, order="C"),
         np.ones((runs, switches)) if branches is None else np.array(branches, dtype=float),
-        np.full(runs, start),
+        np.full(runs, float(start)),
         np.zeros(runs, np.int8),
         np.zeros((runs, 4), np.int64),
         np.full((runs, room), np.nan),
@@ -242,7 +254,8 @@ class _Loop:
         self.shape = loops.Shape(
             problem.states, signals, problem.switches, len(problem.events), prepared.shape[1]
         )
-        self.atol = np.array(np.broadcast_to(tolerances.atol, problem.states), dtype=float)
+        atol = np.array(np.broadcast_to(tolerances.atol, problem.states), dtype=float)
+        self.atol = np.maximum(atol, LEAST_ATOL)
 
     def run(self, width: int | None, threads: int | None) -> None:
         """All runs, in threads that each take a part of them."""

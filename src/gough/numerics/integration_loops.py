@@ -61,11 +61,17 @@ LEAST_ERROR = 1e-12
 """Squared errors below this all give the largest factor."""
 SMALLEST_STEP = 1e-14
 """Steps shorter than this times the whole duration are given up."""
+LEAST_FIRST = 1e-10
+"""First steps that are chosen are not shorter than this times the whole duration."""
 PASSED = 1e-12
 """Breaks of signals this near, in parts of the duration, count as passed."""
+SMOOTH = 1e-12
+"""Signals that differ by less than this, in parts of themselves, do not jump."""
 LOCATING = 40
 """Trials for one event at most."""
 FREE, RUNNING = -1, -1
+LAST, BREAK, JUMP = 1, 2, 3
+"""What a step ends at: the end of the run, a break of signals, one where they jump."""
 TINY = 5e-324
 """Below the smallest number above zero there is only zero."""
 P = np.array(INTERPOLANT).ravel()
@@ -135,6 +141,8 @@ class Signals(NamedTuple):
     breaks: Pointer
     coefficients: Pointer
     pieces: int
+    passed: float
+    """Pieces that begin this soon after the start of a step count as begun, s."""
 
 
 class Events(NamedTuple):
@@ -165,19 +173,21 @@ class Lane(NamedTuple):
     sample: Pointer
     refused: Pointer
     last: Pointer
+    """What the step ends at: LAST, BREAK, JUMP, or 0 for nothing."""
     stops: Pointer
     """1 where an event stops the run after the step, 2 where a guard does."""
     seen: Pointer
     """A bit for each mark that was noted."""
+    flips: Pointer
+    """How often switches were changed since the last step."""
 
 
 class Tiles(NamedTuple):
     """Where numbers of all lanes stand."""
 
     given: Pointer
-    """What the kernel takes."""
+    """What the kernel takes; after a trial its states are those at the end of the step."""
     y: Pointer
-    y1: Pointer
     stages: Pointer
     """Rates and event values of each stage."""
     h: Pointer
@@ -187,7 +197,7 @@ class Tiles(NamedTuple):
     alarm: Pointer
     """Not 0 where something may have happened in a step."""
     taken: Pointer
-    """1 where a lane takes its step, else 0."""
+    """0 where a lane does not take its step, 1 where it does, 2 where that is all."""
     one_in: Pointer
     """The same of a single lane."""
     one_out: Pointer
@@ -197,8 +207,8 @@ def room(width: int, shape: Shape) -> tuple[int, int]:
     """How many float64 and int64 a call of `run_rows` needs to work in."""
     inside = 1 + shape.states + shape.signals + shape.switches + shape.prepared
     out = shape.states + shape.events
-    wide = inside + 2 * shape.states + STAGES * out + 6 + 7
-    return wide * width + inside + out + 24, 9 * width + 8
+    wide = inside + shape.states + STAGES * out + 6 + 7
+    return wide * width + inside + out + 24, 10 * width + 8
 
 
 @part
@@ -207,14 +217,12 @@ def new_tiles(width: int, shape: Shape, reals: Pointer) -> tuple[Tiles, int]:
     inside = 1 + shape.states + shape.signals + shape.switches + shape.prepared
     out = shape.states + shape.events
     y = inside * width
-    y1 = y + shape.states * width
-    stages = y1 + shape.states * width
+    stages = y + shape.states * width
     h = stages + STAGES * out * width
     one = h + 6 * width
     tiles = Tiles(
         reals,
         pointer_to(reals, y),
-        pointer_to(reals, y1),
         pointer_to(reals, stages),
         pointer_to(reals, h),
         pointer_to(reals, h + width),
@@ -248,6 +256,7 @@ def new_lanes(width: int, reals: Pointer, at: int, whole: Pointer) -> Lane:
         pointer_to(whole, 6 * width),
         pointer_to(whole, 7 * width),
         pointer_to(whole, 8 * width),
+        pointer_to(whole, 9 * width),
     )
 
 
@@ -255,12 +264,13 @@ def new_lanes(width: int, reals: Pointer, at: int, whole: Pointer) -> Lane:
 
 
 @part
-def signal(signals: Signals, count: int, k: int, t: float) -> float:
-    """Value of one signal."""
-    low, high = 0, signals.pieces - 1
+def signal(signals: Signals, count: int, k: int, t: float, start: float) -> float:
+    """Value of one signal in a step with a start: steps end where pieces do, so all of a step
+    lies in the piece of its start, also where the next one begins with a jump."""
+    low, high, begun = 0, signals.pieces - 1, start + signals.passed
     while low < high:
         middle = (low + high + 1) // 2
-        if signals.breaks[middle] <= t:
+        if signals.breaks[middle] <= begun:
             low = middle
         else:
             high = middle - 1
@@ -280,7 +290,7 @@ def set_time(share: float, width: Any, tiles: Tiles, shape: Shape, signals: Sign
     for k in range(shape.signals):
         for r in range(wide):
             at = (1 + shape.states + k) * wide + r
-            tiles.given[at] = signal(signals, shape.signals, k, tiles.given[r])
+            tiles.given[at] = signal(signals, shape.signals, k, tiles.given[r], tiles.t[r])
 
 
 @part
@@ -326,11 +336,10 @@ def make_trials(code: int, width: Any, tiles: Tiles, shape: Shape, signals: Sign
 @part
 def squares(j: int, width: Any, h: Any, tiles: Tiles, shape: Shape, atol: Pointer,
             rtol: float) -> tuple[Any, Any]:  # fmt: skip
-    """Squares of the error of a state and of what is allowed; keeps the state at the end."""
+    """Squares of the error of a state and of what is allowed."""
     wide = len(width)
     apart = (shape.states + shape.events) * wide
     y, y1 = load_wide(tiles.y, j * wide, width), load_wide(tiles.given, (1 + j) * wide, width)
-    store(tiles.y1, j * wide, y1)
     allowed = fma(splat_wide(rtol, width), larger(size(y), size(y1)), splat_wide(atol[j], width))
     wrong = h * error(tiles.stages, j * wide, apart, width)
     return wrong * wrong, allowed * allowed
@@ -343,7 +352,7 @@ def measure(width: Any, tiles: Tiles, shape: Shape, atol: Pointer, rtol: float) 
     The factor is 0.9 e^(-3/32) for the mean square e, close to the power -1/5 of its root; square
     roots round alike everywhere.
     """
-    wide, even = len(width), shape.states - shape.states % 2
+    even = shape.states - shape.states % 2
     h, total = load_wide(tiles.h, 0, width), splat_wide(0.0, width)
     for j in range(0, even, 2):  # two quotients in one: a/b + c/d = (a d + c b)/(b d)
         a, b = squares(j, width, h, tiles, shape, atol, rtol)
@@ -390,18 +399,30 @@ def watch(width: Any, tiles: Tiles, shape: Shape, level: float, reversal: float)
 
 
 @routine
-def commit(width: Any, tiles: Tiles, shape: Shape) -> None:
-    """States and first stages of the next step in lanes that take theirs."""
+def commit(width: Any, tiles: Tiles, shape: Shape, quaternions: int, places: Pointer) -> None:
+    """States and first stages of the next step in lanes that take theirs.
+
+    Quaternions are made unit again.
+    """
     wide = len(width)
     out, half = shape.states + shape.events, splat_wide(0.5, width)
     taken = load_wide(tiles.taken, 0, width)
     for j in range(shape.states):
-        y1, y = load_wide(tiles.y1, j * wide, width), load_wide(tiles.y, j * wide, width)
+        y1, y = load_wide(tiles.given, (1 + j) * wide, width), load_wide(tiles.y, j * wide, width)
         store(tiles.y, j * wide, where_more(taken, half, y1, y))
     for j in range(out):
         last = load_wide(tiles.stages, ((STAGES - 1) * out + j) * wide, width)
         first = load_wide(tiles.stages, j * wide, width)
         store(tiles.stages, j * wide, where_more(taken, half, last, first))
+    one = splat_wide(1.0, width)
+    for n in range(quaternions):
+        at, total = places[n] * wide, splat_wide(0.0, width)
+        for k in range(4):
+            x = load_wide(tiles.y, at + k * wide, width)
+            total = fma(x, x, total)
+        factor = where_more(taken, half, one / root(total), one)
+        for k in range(4):
+            store(tiles.y, at + k * wide, factor * load_wide(tiles.y, at + k * wide, width))
 
 
 # one lane
@@ -416,7 +437,8 @@ def evaluate_one(code: int, r: int, wide: int, tiles: Tiles, shape: Shape, lane:
     for j in range(states):
         tiles.one_in[1 + j] = tiles.y[j * wide + r]
     for k in range(shape.signals):
-        tiles.one_in[1 + states + k] = signal(signals, shape.signals, k, lane.t[r])
+        t = lane.t[r]
+        tiles.one_in[1 + states + k] = signal(signals, shape.signals, k, t, t)
     for k in range(inside, inside + shape.switches + shape.prepared):
         tiles.one_in[k] = tiles.given[k * wide + r]
     call_tile(code, tiles.one_in, tiles.one_out)
@@ -431,7 +453,7 @@ def first_step(r: int, wide: int, tiles: Tiles, shape: Shape, rules: Rules, rows
     (Hairer, Norsett and Wanner 1993, II.4.)
     """
     if rules.first_step > 0.0:
-        return rules.first_step
+        return min(rules.first_step, rules.largest_step)
     whole = rules.end - rules.start
     value, slope = 0.0, 0.0
     for j in range(shape.states):
@@ -439,9 +461,12 @@ def first_step(r: int, wide: int, tiles: Tiles, shape: Shape, rules: Rules, rows
         allowed = rows.atol[j] + rules.rtol * abs(y)
         value += (y / allowed) ** 2
         slope += (rate / allowed) ** 2
-    if slope * whole * whole < 1e-20 * value or slope == 0.0:
-        return 1e-3 * whole
-    return float(min(0.01 * np.sqrt(max(value, 1.0) / slope), 0.01 * whole))
+    step = 1e-3 * whole
+    if not slope * whole * whole < 1e-20 * value and slope != 0.0:
+        step = min(0.01 * np.sqrt(max(value, 1.0) / slope), 0.01 * whole)
+    if not step > LEAST_FIRST * whole:  # also where rates are not finite
+        step = LEAST_FIRST * whole
+    return float(min(step, rules.largest_step))
 
 
 @routine
@@ -458,6 +483,7 @@ def fill(run: int, r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lan
         tiles.given[at] = rows.prepared[run * shape.prepared + k]
     lane.run[r], lane.t[r], lane.event[r] = run, rules.start, -1
     lane.sample[r], lane.refused[r], lane.last[r], lane.stops[r], lane.seen[r] = 0, 0, 0, 0, 0
+    lane.flips[r] = 0
     for k in range(4):
         rows.counts[run * 4 + k] = 0
     evaluate_one(code, r, wide, tiles, shape, lane, signals)
@@ -528,8 +554,32 @@ def value_at(stage: int, k: int, r: int, wide: int, tiles: Tiles, shape: Shape) 
     return float(tiles.stages[at * wide + r])
 
 
+@part
+def note(run: int, k: int, t: float, rows: Rows) -> None:
+    """Keep the time of an event; without room it is only counted."""
+    count = rows.counts[run * 4 + 3]
+    if count < rows.room:
+        rows.event_times[run * rows.room + count] = t
+        rows.event_kinds[run * rows.room + count] = k
+    rows.counts[run * 4 + 3] = count + 1
+
+
 @routine
-def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
+def comes_back(r: int, wide: int, tiles: Tiles, shape: Shape, rules: Rules) -> bool:
+    """Whether a switch that starts at zero is on its wrong side at the end of a step, and was on
+    the right one in between."""
+    for k in range(shape.switches):
+        s = 2.0 * tiles.given[(1 + shape.states + shape.signals + k) * wide + r] - 1.0
+        start, end = value_at(0, k, r, wide, tiles, shape), value_at(6, k, r, wide, tiles, shape)
+        if s * start <= 0.0 and s * end < -rules.reversal:
+            for stage in range(1, STAGES - 1):
+                if s * value_at(stage, k, r, wide, tiles, shape) > rules.reversal:
+                    return True
+    return False
+
+
+@routine
+def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules, rows: Rows,
                events: Events) -> int:  # fmt: skip
     """Whether an event lies in a lane's trial step: 1, and its bracket is set; else 0.
 
@@ -537,6 +587,8 @@ def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules:
     there and back between the ends of the step, which the stages in between show.
     """
     first, flipped, inside = 2.0, False, 1 + shape.states + shape.signals
+    if comes_back(r, wide, tiles, shape, rules):
+        return 3
     for k in range(shape.events):
         if events.kind[k] == GUARD or (events.kind[k] == MARK and not rules.exact):
             continue
@@ -547,6 +599,8 @@ def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules:
         if switch and s * start <= 0.0:
             tiles.given[(inside + k) * wide + r] = 0.5 - 0.5 * s
             flipped = True
+            if lane.t[r] > rules.start:
+                note(lane.run[r], k, lane.t[r], rows)
         elif start / (start - end) < first:
             first = start / (start - end)
             lane.event[r], lane.side[r], lane.trials[r] = k, 0, 0
@@ -576,7 +630,7 @@ def go_on_locating(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, ru
     lane.trials[r] += 1
     close = v <= 0.0 and lane.h[r] - lane.before[r] <= rules.closeness
     close = close or (events.kind[k] == SWITCH and abs(v) <= 0.5 * rules.reversal)
-    if close or lane.trials[r] > LOCATING:
+    if close or (v <= 0.0 and lane.trials[r] > LOCATING):
         return False
     if v > 0.0:
         lane.before[r], lane.value_before[r] = lane.h[r], v
@@ -589,7 +643,7 @@ def go_on_locating(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, ru
             lane.value_before[r] *= 0.5
         lane.side[r] = 2
     a, b = lane.before[r], lane.after[r]
-    if b - a <= rules.closeness:
+    if b - a <= rules.closeness or lane.trials[r] > LOCATING:
         lane.h[r] = b
         return True
     # a little to the other side than last, so that the bracket closes from both
@@ -600,14 +654,33 @@ def go_on_locating(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, ru
     return True
 
 
-@part
-def note(run: int, k: int, t: float, rows: Rows) -> None:
-    """Keep the time of an event; without room it is only counted."""
-    count = rows.counts[run * 4 + 3]
-    if count < rows.room:
-        rows.event_times[run * rows.room + count] = t
-        rows.event_kinds[run * rows.room + count] = k
-    rows.counts[run * 4 + 3] = count + 1
+@routine
+def earlier(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
+            events: Events) -> bool:  # fmt: skip
+    """Whether another event comes before the one that was located; it is located then.
+
+    The first of a step is found from straight lines between its ends, which may cross otherwise.
+    """
+    k, h, trials = lane.event[r], lane.h[r], lane.trials[r]
+    for other in range(shape.events):
+        if other == k or events.kind[other] == GUARD or trials > LOCATING:
+            continue
+        if events.kind[other] == MARK and not rules.exact:
+            continue
+        start = value_at(0, other, r, wide, tiles, shape)
+        end = value_at(6, other, r, wide, tiles, shape)
+        s = sign_of(other, r, wide, tiles, shape, events, start)
+        least = -rules.reversal if events.kind[other] == SWITCH else 0.0
+        if s * start <= 0.0 or not s * end < least:
+            continue
+        share = start / (start - end)
+        if h * (1.0 - share) > rules.closeness:
+            lane.event[r], lane.side[r], lane.trials[r] = other, 0, 0
+            lane.before[r], lane.value_before[r] = 0.0, s * start
+            lane.after[r], lane.value_after[r] = h, s * end
+            lane.h[r] = h * share
+            return True
+    return False
 
 
 @routine
@@ -648,7 +721,7 @@ def evaluate_inside(share: float, code: int, r: int, wide: int, tiles: Tiles, sh
     for j in range(states):
         tiles.one_in[1 + j] = interpolated(share, j, r, wide, tiles, shape, lane)
     for k in range(shape.signals):
-        tiles.one_in[1 + states + k] = signal(signals, shape.signals, k, t)
+        tiles.one_in[1 + states + k] = signal(signals, shape.signals, k, t, lane.t[r])
     for k in range(inside, inside + shape.switches + shape.prepared):
         tiles.one_in[k] = tiles.given[k * wide + r]
     call_tile(code, tiles.one_in, tiles.one_out)
@@ -692,15 +765,19 @@ def guarded(r: int, wide: int, tiles: Tiles, shape: Shape, events: Events, level
 
 @routine
 def pass_samples(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
-                 rows: Rows, projection: Projection) -> None:  # fmt: skip
+                 rows: Rows, signals: Signals, projection: Projection) -> None:  # fmt: skip
     """Samples and time of a lane that takes its step; `commit` does the rest."""
-    t1 = rules.end if lane.last[r] == 1 else lane.t[r] + lane.h[r]
+    t1 = lane.t[r] + lane.h[r]
+    if lane.last[r] == LAST:
+        t1 = rules.end
+    elif lane.last[r] >= BREAK:
+        t1 = next_break(signals, lane.t[r], rules.end)
     while lane.sample[r] < rows.sampled and rows.sample_times[lane.sample[r]] <= t1:
         share = (rows.sample_times[lane.sample[r]] - lane.t[r]) / lane.h[r]
         take_sample(r, wide, share, tiles, shape, lane, rows, projection)
     lane.t[r] = t1
     rows.counts[lane.run[r] * 4] += 1
-    lane.refused[r] = 0
+    lane.refused[r], lane.flips[r] = 0, 0
     tiles.taken[r] = 1.0
 
 
@@ -737,30 +814,49 @@ def judge(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, 
             finish(r, ending, wide, tiles, shape, lane, rows)
         return
     if lane.event[r] >= 0:
-        if go_on_locating(r, wide, tiles, shape, lane, rules, events):
+        if (go_on_locating(r, wide, tiles, shape, lane, rules, events)
+                or earlier(r, wide, tiles, shape, lane, rules, events)):  # fmt: skip
             lane.last[r] = 0
             return
         lane.stops[r] = 1 if happen(r, wide, tiles, shape, lane, rules, rows, events) else 0
     elif tiles.alarm[r] != 0.0:
-        found = find_event(r, wide, tiles, shape, lane, rules, events)
+        found = find_event(r, wide, tiles, shape, lane, rules, rows, events)
         if found == 1:
             lane.long[r], lane.last[r] = lane.after[r], 0
             return
         if found == 2:
+            lane.flips[r] += 1
+            if lane.flips[r] > shape.switches:  # both ways lead across: shorter steps may not
+                refuse(r, 0.5, lane, rules, rows)
             evaluate_one(code, r, wide, tiles, shape, lane, signals)
             rows.counts[run * 4 + 2] += 1
+            ending = stuck(r, tiles, lane, rules, rows)
+            if ending != RUNNING:
+                finish(r, ending, wide, tiles, shape, lane, rows)
             return
         if found == 3 and lane.h[r] > 1e3 * SMALLEST_STEP * (rules.end - rules.start):
             refuse(r, 0.5, lane, rules, rows)
             return
     if tiles.alarm[r] != 0.0 and not rules.exact:
         note_marks(r, code, wide, tiles, shape, lane, rules, rows, events, signals)
-    take(r, wide, tiles, shape, lane, rules, rows, events, projection)
+    take(r, wide, tiles, shape, lane, rules, rows, events, signals, projection)
+
+
+@routine
+def jumps(r: int, shape: Shape, lane: Lane, rules: Rules, signals: Signals) -> bool:
+    """Whether signals jump where the piece that a lane's step lies in ends."""
+    start, t = lane.t[r], next_break(signals, lane.t[r], rules.end)
+    for k in range(shape.signals):
+        before = signal(signals, shape.signals, k, t, start)
+        behind = signal(signals, shape.signals, k, t, t)
+        if not abs(behind - before) <= SMOOTH * (abs(behind) + abs(before)):
+            return True
+    return False
 
 
 @part
 def take(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules, rows: Rows,
-         events: Events, projection: Projection) -> None:  # fmt: skip
+         events: Events, signals: Signals, projection: Projection) -> None:  # fmt: skip
     """Take a lane's step, and choose the next."""
     grow = tiles.factor[r]
     if lane.refused[r] == 1:
@@ -769,8 +865,10 @@ def take(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules
     if lane.event[r] >= 0:
         long = max(long, 0.2 * lane.long[r])
     if tiles.alarm[r] != 0.0 and guarded(r, wide, tiles, shape, events, rules.guard):
-        lane.stops[r] = 2
-    pass_samples(r, wide, tiles, shape, lane, rules, rows, projection)
+        lane.stops[r] = max(lane.stops[r], 2 - lane.stops[r])
+    if lane.last[r] == BREAK and jumps(r, shape, lane, rules, signals):
+        lane.last[r] = JUMP
+    pass_samples(r, wide, tiles, shape, lane, rules, rows, signals, projection)
     lane.h[r] = min(long, rules.largest_step)
     lane.long[r] = lane.h[r]
 
@@ -781,8 +879,9 @@ def settle(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane,
     """Put the states of a lane that took its step back onto what they obey; end its run if due."""
     run = lane.run[r]
     moved = project(projection, run, tiles.y, wide, r)
-    normalise(projection, tiles.y, wide, r)
-    if lane.event[r] >= 0 or moved > 0:
+    if moved > 0:
+        normalise(projection, tiles.y, wide, r)
+    if lane.event[r] >= 0 or moved > 0 or lane.last[r] == JUMP:
         evaluate_one(code, r, wide, tiles, shape, lane, signals)
         rows.counts[run * 4 + 2] += 1
     lane.event[r] = -1
@@ -791,7 +890,7 @@ def settle(r: int, code: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane,
         finish(r, DRIFTED, wide, tiles, shape, lane, rows)
     elif stops == 1:
         finish(r, STOPPED, wide, tiles, shape, lane, rows)
-    elif lane.last[r] == 1:
+    elif lane.last[r] == LAST:
         finish(r, FINISHED, wide, tiles, shape, lane, rows)
     elif stops == 2:
         finish(r, GUARDED, wide, tiles, shape, lane, rows)
@@ -832,14 +931,40 @@ def run_lanes(
         watch(width, tiles, shape, level, rules.reversal)
         for r in range(wide):
             tiles.taken[r] = 0.0
-            if lane.run[r] != FREE:
+            if lane.run[r] != FREE and not take_quickly(r, tiles, lane, rules, rows):
                 judge(r, code_one, wide, tiles, shape, lane, rules, rows, events, signals,
                       projection)  # fmt: skip
-        commit(width, tiles, shape)
+        commit(width, tiles, shape, projection.quaternions, projection.places)
         for r in range(wide):
-            if tiles.taken[r] != 0.0:
+            if tiles.taken[r] == 1.0 or (tiles.taken[r] != 0.0 and projection.rows != 0):
                 settle(r, code_one, wide, tiles, shape, lane, rules, rows, signals,
                        projection)  # fmt: skip
+
+
+@part
+def take_quickly(r: int, tiles: Tiles, lane: Lane, rules: Rules, rows: Rows) -> bool:
+    """Take a step in which nothing happens, as most are; whether that was all.
+
+    The same as `judge` and `settle` make of it.
+    """
+    h, run = lane.h[r], lane.run[r]
+    plain = tiles.error[r] <= 1.0 and tiles.alarm[r] == 0.0 and lane.event[r] < 0
+    if not plain or lane.last[r] != 0:
+        return False
+    t1, steps = lane.t[r] + h, rows.counts[run * 4] + 1
+    if lane.sample[r] < rows.sampled and rows.sample_times[lane.sample[r]] <= t1:
+        return False
+    grow = min(tiles.factor[r], 1.0) if lane.refused[r] == 1 else tiles.factor[r]
+    following = min(h * grow, rules.largest_step)
+    least = SMALLEST_STEP * (rules.end - rules.start)
+    if following < least or steps + rows.counts[run * 4 + 1] >= rules.most_steps:
+        return False
+    rows.counts[run * 4] = steps
+    rows.counts[run * 4 + 2] += STAGES - 1
+    lane.t[r], lane.h[r], lane.long[r] = t1, following, following
+    lane.refused[r], lane.flips[r] = 0, 0
+    tiles.taken[r] = 2.0
+    return True
 
 
 @part
@@ -853,22 +978,21 @@ def set_step(r: int, tiles: Tiles, lane: Lane, rules: Rules, signals: Signals) -
         return 0
     if lane.event[r] < 0:
         lane.last[r] = 0
-        passed = lane.t[r] + PASSED * (rules.end - rules.start)
-        until = next_break(signals, passed, rules.end)
+        until = next_break(signals, lane.t[r], rules.end)
         if lane.t[r] + lane.h[r] * 1.0000001 >= until:
             lane.h[r] = until - lane.t[r]
-            lane.last[r] = 1 if until == rules.end else 0
+            lane.last[r] = LAST if until == rules.end else BREAK
     tiles.h[r], tiles.t[r] = lane.h[r], lane.t[r]
     return 1
 
 
 @part
 def next_break(signals: Signals, t: float, end: float) -> float:
-    """Where the piece of the signals that a time lies in ends, or the end."""
-    low, high = 0, signals.pieces
+    """Where the piece of the signals in which a step starts ends, or the end."""
+    low, high, begun = 0, signals.pieces, t + signals.passed
     while low < high:
         middle = (low + high) // 2
-        if signals.breaks[middle] <= t:
+        if signals.breaks[middle] <= begun:
             low = middle + 1
         else:
             high = middle
@@ -938,7 +1062,8 @@ def run_rows(
         a.event_times.shape[1], pointer_to(a.samples, 0), pointer_to(a.sample_times, 0),
         len(a.sample_times),
     )  # fmt: skip
-    signals = Signals(pointer_to(a.breaks, 0), pointer_to(a.coefficients, 0), len(a.breaks))
+    passed = PASSED * (rules.end - rules.start)
+    signals = Signals(pointer_to(a.breaks, 0), pointer_to(a.coefficients, 0), len(a.breaks), passed)
     events = Events(pointer_to(a.kinds, 0), pointer_to(a.directions, 0))
     projection = Projection(
         equations.rows, equations.move, equations.unknowns, equations.positions, a.p.shape[1],

@@ -13,7 +13,7 @@ Pointer = Any
 
 ITERATIONS = 8
 FINEST = 1e-2
-"""Iterations end at this share of the gap that calls for them."""
+"""Iterations end at this share of the gap that calls for them, or where roundings are the gap."""
 
 
 class Projection(NamedTuple):
@@ -98,17 +98,17 @@ def project(projection: Projection, run: int, states: Pointer, apart: int, r: in
         given[j] = states[j * apart + r]
     for j in range(k):
         given[n + j] = projection.p[run * k + j]
-    wanted = projection.tolerance
+    wanted, before = projection.tolerance, np.inf
     for iteration in range(ITERATIONS):
         call_tile(projection.rows, given, found)
         gap = 0.0
         for j in range(m):
             gap = max(gap, abs(found[j])) if found[j] == found[j] else np.inf
-        if gap <= wanted:
+        if gap <= wanted or (gap <= projection.tolerance and gap > 0.5 * before):
             for j in range(n):
                 states[j * apart + r] = given[j]
             return iteration
-        wanted = projection.tolerance * FINEST
+        wanted, before = projection.tolerance * FINEST, gap
         if not gap < np.inf or not solve(pointer_to(found, m), found, m):
             return -1
         for j in range(m):

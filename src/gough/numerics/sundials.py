@@ -30,8 +30,11 @@ from gough.numerics.integration import (
 
 Array = NDArray[np.float64]
 Code = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
-FARTHEST = 1e-7
-"""Gap at which multistep formulas start anew on the equations. States that are handed out are put
+SHORT = 40
+"""Steps in a row that may be shorter than 1e-13 of the whole duration."""
+FARTHEST, LOOSER = 1e-7, 100.0
+"""Gap at which multistep formulas start anew on the equations, or so many relative tolerances:
+they take many steps to regain their order. States that are handed out are put
 back in any case; between them a gap does no more harm than the error of a step."""
 
 
@@ -101,7 +104,9 @@ class _Run:
         rtol, duration = self.tolerances.rtol, self.span[1] - self.span[0]
         given = self.tolerances.reversal
         self._reversal = 0.01 * np.sqrt(rtol) if given is None else given
-        self._smallest = 1e-13 * duration
+        self._smallest, self._passed = 1e-13 * duration, 1e-12 * duration
+        self._begun, self._flips, self._short = self.span[0], 0, 0
+        self._farthest = max(FARTHEST, LOOSER * rtol)
         self._watched = [k for k, e in enumerate(problem.events) if e.kind != "guard"]
         self._guards = [k for k, e in enumerate(problem.events) if e.kind == "guard"]
         self._sample = 0
@@ -112,13 +117,26 @@ class _Run:
         n = self.problem.states
         self._given[0], self._given[1 : 1 + n] = t, y
         if self._signals.stop > self._signals.start:
-            values = signal_values(
-                self.problem.breaks, self.problem.coefficients, np.array([float(t)])
-            )
-            self._given[self._signals] = values[0]
+            self._given[self._signals] = self._told(t, self._begun)
         self._given[self._branches] = self.found.branches[self.k]
         self._code(self._given.ctypes.data, self._out.ctypes.data)
         return self._out
+
+    def _told(self, t: float, begun: float) -> Array:
+        """Signals at a time, of the piece in which another time lies."""
+        problem, times = self.problem, np.array([float(t), float(begun)])
+        return signal_values(problem.breaks, problem.coefficients, times[:1], times[1:])[0]
+
+    def _enter(self, t: float) -> float:
+        """Where the piece of the signals that begins at a time or lies there ends, or the end."""
+        self._begun = t + self._passed
+        later = self.problem.breaks[self.problem.breaks > self._begun]
+        return min(float(later[0]), self.span[1]) if len(later) else self.span[1]
+
+    def _jumps(self, t: float) -> bool:
+        """Whether signals jump at a time where a piece ends."""
+        before, behind = self._told(t, self._begun), self._told(t, t + self._passed)
+        return not np.all(np.abs(behind - before) <= 1e-12 * (np.abs(behind) + np.abs(before)))
 
     def _rates(self, t: float, y: Array, yp: Array) -> None:
         yp[:] = self._evaluate(t, y)[: self.problem.states]
@@ -127,8 +145,8 @@ class _Run:
     def _values(self, t: float, y: Array, values: Array) -> None:
         values[:] = self._evaluate(t, y)[self.problem.states :][self._watched]
 
-    def _solver(self) -> Any:
-        """A solver that stops at events."""
+    def _solver(self, events: bool = True) -> Any:
+        """A solver, which may stop at events."""
         try:
             from sksundae.cvode import CVODE
         except ImportError as error:
@@ -136,7 +154,7 @@ class _Run:
                 "an integration by Adams formulas or BDF", "scikit-sundae", "ode"
             ) from error
         options: dict[str, Any] = {"max_order": self.max_order} if self.max_order else {}
-        if self._watched:
+        if self._watched and events:
             values = lambda t, y, found: self._values(t, y, found)  # noqa: E731
             directions = [self.problem.events[k].direction for k in self._watched]
             values.terminal = [True] * len(self._watched)  # type: ignore[attr-defined]
@@ -168,13 +186,14 @@ class _Run:
 
     def _stretch(self, t: float, y: Array) -> tuple[float, Array, Ending | None]:
         """Steps from a start of the formulas to where they have to start anew, or the end."""
-        solver, end, seen = self._solver(), self.span[1], False
+        end, until, seen = self.span[1], self._enter(t), False
+        solver = self._solver()
         solver.init_step(t, y)
         while t < end:
             if self.found.counts[self.k, 0] >= self.tolerances.max_steps:
                 return t, y, Ending.step_limit
             try:
-                step = solver.step(end, "onestep", tstop=end)
+                step = solver.step(end, "onestep", tstop=until)
             except RuntimeError:
                 step = None
             if step is None or step.status < 0 or not np.all(np.isfinite(step.y)):
@@ -184,23 +203,32 @@ class _Run:
             if t1 == t and seen:  # CVODE tells the end of its last step again after a look back
                 seen = False
                 continue
-            if t1 - t <= self._smallest and step.status != 2:
+            if self._stuck(t1 - t, located=step.status == 2):
                 return t, y, Ending.too_small
-            if self._flipped(t1, y1, located=step.status == 2):
-                return t, y, None
+            if self._flipped(t, t1, y1, located=step.status == 2):
+                self._flips += 1  # for ever, where both ways of a switch lead across
+                often = self._flips > 2 * self.problem.switches
+                return t, y, Ending.too_small if often else None
+            self._flips = 0
             self.found.counts[self.k, 0] += 1
-            before = self._sample
+            before, self._last = self._sample, (t, y)
             self._take_samples(solver, t1, y1)
             seen = self._sample > before
             t, y = t1, y1
             if step.status == 2:
-                stops = self._happen(t, y)
+                stops = self._happen(t, y, np.ravel(step.i_events[-1]) != 0)
                 return self._restart(t, y, Ending.stopped if stops else None)
             if self._fallen(t, y):
                 return self._restart(t, y, Ending.guarded)
-            if self._drifted(y):
+            if self._drifted(y) or (t >= until and self._jumps(t)):
                 return self._restart(t, y, None)
+            until = self._enter(t) if t >= until else until
         return self._restart(t, y, Ending.finished)
+
+    def _stuck(self, step: float, located: bool) -> bool:
+        """Whether steps have been very short for long; the first ones may be."""
+        self._short = 0 if located or step > self._smallest else self._short + 1
+        return self._short > SHORT
 
     def _restart(
         self, t: float, y: Array, ending: Ending | None
@@ -214,16 +242,25 @@ class _Run:
         while self._sample < len(self.times) and self.times[self._sample] <= t:
             at, state = self.times[self._sample], y
             if solver is not None and at < t:
-                state = np.array(np.atleast_2d(solver.step(at, "normal").y)[-1])
+                state = self._looked_back(solver, at)
             back = self._back(state)
             if back is not None:
                 self.found.samples[self.k, self._sample] = back
             self._sample += 1
 
+    def _looked_back(self, solver: Any, at: float) -> Array:
+        """The state at a time within the last step."""
+        step = solver.step(at, "normal")
+        if np.ravel(step.t)[-1] != at:  # CVODE looks at the event in the step again
+            solver = self._solver(events=False)
+            solver.init_step(*self._last)
+            step = solver.step(at, "normal", tstop=at)
+        return np.array(np.atleast_2d(step.y)[-1])
+
     def _switches(self) -> range:
         return range(self.problem.switches)
 
-    def _flipped(self, t: float, y: Array, located: bool) -> bool:
+    def _flipped(self, start: float, t: float, y: Array, located: bool) -> bool:
         """Whether a switch stood on its wrong side all along a step, and has been changed."""
         if located:
             return False
@@ -232,32 +269,36 @@ class _Run:
         for i in self._switches():
             if (2 * branches[i] - 1) * values[i] < -self._reversal:
                 branches[i], flipped = 1 - branches[i], True
+                if start > self.span[0]:
+                    self._note(i, start)
         return flipped
 
-    def _happen(self, t: float, y: Array) -> bool:
-        """What events at a time do, and whether the run stops."""
+    def _happen(self, t: float, y: Array, roots: NDArray[np.bool_]) -> bool:
+        """What the events at a time do, those with roots there, and whether the run stops."""
         values = self._evaluate(t, y)[self.problem.states :].copy()
         rates = self._event_rates(t, y)
         stops = False
         near = np.abs(values) <= np.maximum(self._reversal, 1e-7 * np.abs(rates))
-        apart = np.abs(values) / np.maximum(np.abs(rates), 1e-300)
-        nearest = min(self._watched, key=lambda i: float(apart[i]))
-        for i in self._watched:
+        for i, root in zip(self._watched, roots, strict=True):
             event = self.problem.events[i]
-            if i != nearest and not (event.kind == "switch" and near[i]):
+            if not root and not (event.kind == "switch" and near[i]):
                 continue
             if event.kind == "switch":
                 rising = 1.0 if rates[i] > 0 else 0.0
                 if self.found.branches[self.k, i] == rising:
                     continue
                 self.found.branches[self.k, i] = rising
-            count = self.found.counts[self.k, 3]
-            if count < self.found.event_times.shape[1]:
-                self.found.event_times[self.k, count] = t
-                self.found.event_kinds[self.k, count] = i
-            self.found.counts[self.k, 3] += 1
+            self._note(i, t)
             stops = stops or event.kind == "stop"
         return stops
+
+    def _note(self, i: int, t: float) -> None:
+        """Keep the time of an event."""
+        count = self.found.counts[self.k, 3]
+        if count < self.found.event_times.shape[1]:
+            self.found.event_times[self.k, count] = t
+            self.found.event_kinds[self.k, count] = i
+        self.found.counts[self.k, 3] += 1
 
     def _event_rates(self, t: float, y: Array) -> Array:
         """Rates of the events' values, by a difference along the motion."""
@@ -296,7 +337,7 @@ class _Run:
         """Whether a state is so far from its equations that the formulas start anew on them."""
         if self._closing is None:
             return False
-        return self._closing.gap(y[: self._closing.constraints.positions]) > FARTHEST
+        return self._closing.gap(y[: self._closing.constraints.positions]) > self._farthest
 
 
 class _Closing:
@@ -319,13 +360,15 @@ class _Closing:
     def put_back(self, q: Array) -> tuple[Array | None, bool]:
         """q on the equations, and whether it had to move."""
         c, wanted, moved = self.constraints, self.constraints.tolerance, False
+        before = np.inf
         n, m, k = c.positions, c.unknowns, len(self.p)
         given, found = self._room(q)
         for _ in range(8):
             self._rows(given.ctypes.data, found.ctypes.data)
-            if np.abs(found[:m]).max() <= wanted:
+            gap = np.abs(found[:m]).max()
+            if gap <= wanted or (gap <= c.tolerance and gap > 0.5 * before):
                 return given[:n], moved
-            wanted, moved = 0.01 * c.tolerance, True
+            wanted, before, moved = 0.01 * c.tolerance, gap, True
             try:
                 given[n + k :] = -np.linalg.solve(found[m : m + m * m].reshape(m, m), found[:m])
             except np.linalg.LinAlgError:

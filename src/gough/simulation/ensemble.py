@@ -7,29 +7,27 @@ A run that does not reach its end stays in the results as a row with the name of
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
-import casadi
 import numpy as np
 from numpy.typing import NDArray
 
 from gough.cache import digest
-from gough.description import Frame, Mechanism
-from gough.description.frames import transform
+from gough.description import Mechanism
 from gough.ensembles import Column, Coordinate, Plan
-from gough.errors import ClosureError, ConfigurationError
+from gough.errors import ConfigurationError
 from gough.geometry.coordinates import Coordinates
-from gough.joints import Free
-from gough.joints.quaternion import turned_wxyz, wxyz_from_rotations
-from gough.kernels import Kernel
 from gough.numerics.integration import ENDINGS, Runs, Tolerances, integrate
-from gough.simulation.factors import Factors
+from gough.simulation.factors import Factors, told_as_numbers
 from gough.simulation.formulations import Formulation
-from gough.simulation.run import LOWEST, Runner
+from gough.simulation.mechanics import dynamics_of
+from gough.simulation.origin import plain
+from gough.simulation.run import LOWEST
 from gough.simulation.simulate import Request, Simulator, times_of
+from gough.simulation.starts import Starts
 from gough.topology import Modelling
 from gough.uncertainty import Design, SaltelliDesign
 
@@ -40,13 +38,18 @@ Measure = Callable[[Mapping[str, NDArray[Any]]], NDArray[Any]]
 
 LARGEST, SMALLEST = 2048, 64
 """Runs of a chunk: few enough that chunks are made often, many enough that they take 0.1 s."""
+NUMBERS = 4_000_000
+"""Of a chunk that is being computed, at most, as long as there is more than one run in it."""
 NOT_CLOSED = len(ENDINGS)
 """Ending of a row whose loops do not close with its parameters."""
 WORDS = (*(ending.name for ending in ENDINGS), "not_closed")
 MARKS = 32
 """Below so many events only the first of each is looked for."""
 NOTED = 128
-"""Events of a run that are looked through for the first of each kind."""
+"""Events of a run that are looked through for the first of each kind; runs with more of them are
+made again."""
+SIMULATORS = 4
+"""Mechanisms whose machine code is kept for the next ensemble."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +76,6 @@ class Ensemble:
     times: tuple[float, ...] = ()
     measures: Mapping[str, Measure] = field(default_factory=dict)
 
-    @cached_property
-    def key(self) -> bytes:
-        """A digest of what decides the numbers."""
-        return digest(self.mechanism.model_dump_json(exclude_unset=True), repr(self.origin))
-
     @property
     def origin(self) -> dict[str, Any]:
         """What decides the numbers, in plain values."""
@@ -85,94 +83,117 @@ class Ensemble:
         return {
             "mechanism": self.mechanism.model_dump(mode="json", exclude_unset=True),
             "modelling": self.modelling or "",
-            "live": {name: _plain(value) for name, value in self.live.items()},
+            "live": plain(self.live),
             "duration": float(request.duration),
-            "start": [_plain(x) for x in (request.x0, request.v0, request.q0)],
-            "inputs": {name: _plain(value) for name, value in (request.inputs or {}).items()},
-            "controller": "" if request.controller is None else repr(request.controller),
-            "events": {name: str(value) for name, value in (request.events or {}).items()},
-            "gravity": _plain(request.gravity),
+            "start": [plain(x) for x in (request.x0, request.v0, request.q0)],
+            "inputs": plain(request.inputs or {}),
+            "controller": plain(request.controller),
+            "events": plain(request.events or {}),
+            "gravity": plain(request.gravity),
+            "method": request.method,
             "rtol": float(request.rtol),
             "atol": float(request.rtol if request.atol is None else request.atol),
             "locate": str(request.locate),
             "max_step": str(request.max_step),
             "max_steps": int(request.max_steps),
-            "vary": {name: _plain(value) for name, value in self.vary.items()},
+            "times": plain(np.array(self.times)),
+            "vary": plain(self.vary),
             "design": self.design.as_dict(),
-            "measures": list(self.measures),
+            "measures": plain(self.measures),
         }
 
     def __call__(self, start: int, stop: int) -> Arrays:
         """Rows from ``start`` to before ``stop``."""
-        return _prepared(self).rows(start, stop)
+        return prepared(self).rows(start, stop)
 
     @property
     def plan(self) -> Plan:
         """Rows, columns and chunks."""
-        return _prepared(self).plan
+        return prepared(self).plan
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is made anew in another process."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
 
-_KEPT: dict[bytes, _Prepared] = {}
-_MAKING = threading.Lock()
+_MAKING = threading.RLock()
+_SIMULATORS: dict[bytes, Simulator] = {}
 
 
-def _prepared(ensemble: Ensemble) -> _Prepared:
-    """What runs of an ensemble are made with, made once in a process."""
+def prepared(ensemble: Ensemble) -> Prepared:
+    """What the runs of an ensemble are made with, made once."""
     with _MAKING:
-        if ensemble.key not in _KEPT:
-            _KEPT[ensemble.key] = _Prepared(ensemble)
-        return _KEPT[ensemble.key]
+        kept = vars(ensemble)
+        if "_prepared" not in kept:
+            kept["_prepared"] = Prepared(ensemble)
+        found: Prepared = kept["_prepared"]
+        return found
 
 
-class _Prepared:
+def _simulator(ensemble: Ensemble) -> Simulator:
+    """The simulator of an ensemble's mechanism; the last few are kept."""
+    mechanism = ensemble.mechanism.model_dump_json(exclude_unset=True)
+    key = digest(mechanism, repr((ensemble.modelling, plain(ensemble.live))))
+    found = _SIMULATORS.pop(key, None)
+    if found is None:
+        dynamics = dynamics_of(ensemble.mechanism, ensemble.modelling, ensemble.live)
+        found = Simulator(dynamics, {})
+    _SIMULATORS[key] = found
+    while len(_SIMULATORS) > SIMULATORS:
+        del _SIMULATORS[next(iter(_SIMULATORS))]
+    return found
+
+
+class Prepared:
     """Models and machine code of one ensemble."""
 
     def __init__(self, ensemble: Ensemble) -> None:
-        from gough.simulation.mechanics import dynamics_of
-
         self.ensemble, request = ensemble, ensemble.request
         if request.method != "dormand-prince":
             raise ConfigurationError(
                 f"ensembles are made by dormand-prince, and not by {request.method}"
             )
-        self.dynamics = dynamics_of(ensemble.mechanism, ensemble.modelling, ensemble.live)
-        self.simulator = Simulator(self.dynamics, {})
-        told = self._told(request)
-        self.runner: Runner = self.simulator.runner(told)
+        simulator = _simulator(ensemble)
+        self.dynamics = simulator.dynamics
+        told = told_as_numbers(request.inputs, ensemble.vary, simulator.laws)
+        self.runner = simulator.runner(replace(request, inputs=told))
         if self.runner.sampled is not None:
             raise ConfigurationError(
                 "a controller that is a Python function called every period can not run in an "
                 "ensemble; give one that is compiled, such as ComputedTorque or Custom"
             )
-        self.start = self.simulator.start(request.x0, request.v0, request.q0)
-        outputs = Coordinates(self.dynamics.models, "operational")
-        columns = self.dynamics.structure.columns("operational")
-        self.x0, self.v0 = outputs.of(self.start.q), self.start.v[columns]
+        self.duration = float(request.duration)
+        self.times = times_of(list(ensemble.times), self.duration) if ensemble.times else ()
+        start = simulator.start(request.x0, request.v0, request.q0)
+        self.outputs = Coordinates(self.dynamics.models, "operational")
+        self.columns = self.dynamics.structure.columns("operational")
         self.factors = Factors(
             ensemble.vary,
             self.dynamics,
-            self.x0,
-            self.v0,
-            self.simulator.laws,
+            self.outputs.of(start.q),
+            start.v[self.columns],
+            simulator.laws,
             self.runner.inputs.constant,
         )
-        self.formulation: Formulation = self.runner.formulations.first(self.start.q)
-        self.times = times_of(list(ensemble.times), request.duration) if ensemble.times else ()
+        self.formulation: Formulation = self.runner.formulations.first(start.q)
+        rows = len(ensemble.design)
+        some = [ensemble.design.rows(k, k + 1) for k in sorted({0, rows // 2, rows - 1})]
+        probes = self._held(self.factors.values(np.concatenate(some)))["p"]
+        self.starts = Starts(self.dynamics, request, start, self.formulation, self.factors, probes)
+        self.problem = self.formulation.problem(start.q, *self.runner.signals)
         self._warm()
-
-    def _told(self, request: Request) -> Request:
-        """The request with inputs that vary told as numbers."""
-        prefix = "inputs."
-        varied = [name.removeprefix(prefix) for name in self.ensemble.vary if prefix in name[:7]]
-        missing = {name: 0.0 for name in varied if name not in (request.inputs or {})}
-        return replace(request, inputs={**(request.inputs or {}), **missing})
 
     def _warm(self) -> None:
         """Machine code is made before threads ask for it, all at once."""
         equations = self.formulation.equations
         equations.motion.address(8)
         equations.motion.address(1)
-        _ = equations.observed, equations.started
+        values = self.factors.values(self.ensemble.design.rows(0, 1))
+        held = self._held(values)
+        states, _ = self._states(values, held)
+        self._fixed(held)
+        self._energies(states, held, np.zeros(1))
+        self._outputs_of(states, held["p"])
 
     # the plan
 
@@ -185,21 +206,18 @@ class _Prepared:
     def plan(self) -> Plan:
         """Rows, columns and chunks."""
         rows = len(self.ensemble.design)
-        chunk = min(LARGEST, max(SMALLEST, -(-rows // 16)))
+        most = max(1, NUMBERS // (self.formulation.layout.states * (len(self.times) + 8)))
+        chunk = min(LARGEST, most, max(SMALLEST, -(-rows // 16)))
         return Plan(rows, chunk, self._columns, self._coords, self.ensemble.origin)
 
     @property
-    def _full(self) -> bool:
-        return len(self.x0) == 7 and len(self.v0) == 6
-
-    @property
     def _names(self) -> tuple[str, str]:
-        return ("pose", "twist") if self._full else ("x", "xd")
+        return ("pose", "twist") if len(self.outputs) == 7 else ("x", "xd")
 
     @property
     def _columns(self) -> dict[str, Column]:
         x, xd = self._names
-        n, m = len(self.x0), len(self.v0)
+        n, m = len(self.outputs), len(self.columns)
         found = {
             "ending": Column((), "i1", "", "; ".join(f"{k} {w}" for k, w in enumerate(WORDS))),
             "end": Column((), "f8", "s", "time of the end"),
@@ -222,6 +240,10 @@ class _Prepared:
                 part = ("time", f"{name}_part")
                 found[f"{name}_over_time"] = Column(over, "f8", unit, "at the times kept", part)
         for name in self.ensemble.measures:
+            if name in found:
+                raise ConfigurationError(
+                    f"measure {name!r} has the name of a column; those are {', '.join(found)}"
+                )
             found[name] = Column()
         return found
 
@@ -229,8 +251,6 @@ class _Prepared:
     def _coords(self) -> dict[str, Coordinate]:
         x, xd = self._names
         structure = self.dynamics.structure
-        outputs = Coordinates(self.dynamics.models, "operational")
-        columns = structure.columns("operational")
         kinds = ["kinetic", "potential", "stored", "delivered", "dissipated"]
         found = {
             "energy_kind": Coordinate(kinds),
@@ -238,12 +258,12 @@ class _Prepared:
         }
         if self.factors.each:
             found["factor_name"] = Coordinate(self.factors.names)
-        if len(self.x0):
-            found[f"{x}_part"] = Coordinate(outputs.names)
-            found[f"{xd}_part"] = Coordinate([structure.variables[k].name for k in columns])
+        if len(self.outputs):
+            found[f"{x}_part"] = Coordinate(self.outputs.names)
+            found[f"{xd}_part"] = Coordinate([structure.variables[k].name for k in self.columns])
         if self.events:
             found["event"] = Coordinate(self.events)
-        if len(self.times):
+        if len(self.times) and len(self.outputs):
             found["time"] = Coordinate(np.array(self.times), unit="s")
         return found
 
@@ -253,18 +273,31 @@ class _Prepared:
         """The columns of some rows."""
         values = self.factors.values(self.ensemble.design.rows(start, stop))
         held = self._held(values)
-        states, closed = self._starts(values, held)
-        runs = self._integrated(states, held)
-        runs.ending[~closed] = NOT_CLOSED
-        found = self._seen(states, runs, held)
+        states, closed = self._states(values, held)
+        found: Arrays = {
+            name: np.full((len(values), *column.shape), column.fill, column.type)
+            for name, column in self._columns.items()
+        }
+        found["ending"][:] = NOT_CLOSED
+        if closed.any():
+            chosen = {name: array[closed] for name, array in held.items()}
+            columns = self._run(states[closed], chosen, values[closed])
+            for name, column in columns.items():
+                found[name][closed] = column
         if self.factors.each:
             found["factor"] = values
+        return found
+
+    def _run(self, states: Array, held: Mapping[str, Array], values: Array) -> Arrays:
+        """The columns of rows that close."""
+        found = self._seen(states, held)
+        lost = found["ending"] > 1
+        given = dict(found)
+        if self.factors.each:
+            given["factor"] = values
+        given |= {"time": np.array(self.times), "events": np.array(self.events)}
         for name, measure in self.ensemble.measures.items():
-            given = {**found, "time": np.array(self.times), "events": np.array(self.events)}
-            found[name] = np.asarray(measure(given), dtype=float)
-        lost = ~np.isin(runs.ending, (0, 1))
-        for name in ("end", *self.ensemble.measures):
-            found[name] = np.where(lost, np.nan, found[name])
+            found[name] = np.where(lost, np.nan, _measured(name, measure, given, len(states)))
         return found
 
     def _held(self, values: Array) -> dict[str, Array]:
@@ -281,162 +314,49 @@ class _Prepared:
             found["gravity"] = np.tile(self.runner.gravity, (rows, 1))
         return found
 
-    def _starts(self, values: Array, held: Mapping[str, Array]) -> tuple[Array, NDArray[np.bool_]]:
+    def _states(self, values: Array, held: Mapping[str, Array]) -> tuple[Array, NDArray[np.bool_]]:
         """States at the start, and which rows close."""
         layout = self.formulation.layout
         states = np.zeros((len(values), layout.states))
-        x, closed = self._outputs(values, held["p"])
-        if self.formulation.place == "x":
-            states[:, layout.part("positions")] = x
-            rates = np.tile(self.v0, (len(values), 1))
-            for k, place in self.factors.place("rate"):
-                rates[:, place] = values[:, k]
-            columns = self.dynamics.structure.columns("operational")
-            order = [columns.index(k) for k in self.formulation.model.independent]
-            states[:, layout.part("rates")] = rates[:, order]
-        else:
-            closed &= self._closed_one_by_one(states, x, values, held["p"])
+        positions, rates, closed = self.starts.of(values, held["p"])
+        states[:, layout.part("positions")] = positions
+        states[:, layout.part("rates")] = rates
         if layout.memory:
-            kernel = self.formulation.equations.started
-            started = kernel(*self._arguments(states, held, 0.0))
-            states[:, layout.part("memory")] = started[:, : len(layout.memory)]
-        return states, closed
+            states[:, layout.part("memory")] = self._started(states, held)[:, : len(layout.memory)]
+        return states, closed & np.isfinite(states).all(axis=1)
 
-    def _outputs(self, values: Array, p: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Outputs at the start."""
-        rows = len(values)
-        closed = np.ones(rows, dtype=bool)
-        if self.ensemble.request.x0 is not None or not self.factors.place("parameter"):
-            x = np.tile(self.x0, (rows, 1))
-        elif self._home is not None:
-            x = self._home(p)
-        else:
-            x, closed = self._homes(p)
-        for k, place in self.factors.place("position"):
-            x[:, place] = values[:, k]
-        turns = self.factors.place("turn")
-        for row in range(rows) if turns else ():
-            phi = np.zeros(3)
-            for k, axis in turns:
-                phi[axis] = values[row, k]
-            x[row, 3:] = turned_wxyz(x[row, 3:].tolist(), phi.tolist())
-        return x, closed
+    def _started(self, states: Array, held: Mapping[str, Array]) -> Array:
+        """Memories of laws, and values of switches, at the start."""
+        kernel = self.formulation.equations.started
+        return kernel(*self._arguments(states, held, np.zeros(len(states))), threads=1)
 
-    @cached_property
-    def _home(self) -> Callable[[Array], Array] | None:
-        """The described pose of the platform for live parameters, if home is that pose."""
-        closure, structure = self.dynamics.models.closure, self.dynamics.structure
-        columns = structure.columns("operational")
-        edges = {structure.variables[k].edge for k in columns}
-        if not self._full or len(edges) != 1 or self.ensemble.request.q0 is not None:
-            return None
-        edge = structure.edges[edges.pop()]
-        if not isinstance(edge.home, Frame) or not isinstance(edge.type, Free):
-            return None
-        R, p = transform(edge.home, closure.values, closure.nominal)
-        numbers = [*p, *(x for row in R for x in row)]
-        column = casadi.vertcat(*[casadi.SX(x) for x in numbers])
-        kernel = Kernel("home", {"p": closure.p}, column, (12,))
-
-        def placed(parameters: Array) -> Array:
-            found = kernel(parameters)
-            turns = wxyz_from_rotations(found[:, 3:].reshape(-1, 3, 3))
-            return np.concatenate([found[:, :3], turns], axis=1)
-
-        described = placed(self.dynamics.assembler.p[None])[0]
-        return placed if np.allclose(described, self.x0, rtol=0, atol=1e-9) else None
-
-    def _homes(self, p: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Outputs at the home of each row, closed one by one."""
-        from gough.assembly import Assembler
-
-        models = self.dynamics.models
-        outputs = Coordinates(models, "operational")
-        x, closed = np.tile(self.x0, (len(p), 1)), np.ones(len(p), dtype=bool)
-        for row, parameters in enumerate(p):
-            try:
-                q = Assembler(models, parameters).home().require().q
-            except ClosureError:
-                closed[row] = False
-            else:
-                x[row] = outputs.of(q)
-        return x, closed
-
-    def _closed_one_by_one(
-        self, states: Array, x: Array, values: Array, p: Array
-    ) -> NDArray[np.bool_]:
-        """Put configurations and independent rates into states; which rows close."""
-        from gough.simulation.mechanics import dynamics_of
-
-        layout, ensemble = self.formulation.layout, self.ensemble
-        closed = np.ones(len(values), dtype=bool)
-        moved = bool(self.factors.place("position") or self.factors.place("turn"))
-        same = not self.factors.place("parameter")
-        for row in range(len(values)):
-            q, v = self.start.q, self.start.v
-            if not same:
-                from gough.assembly import Assembler
-
-                found = Assembler(self.dynamics.models, p[row]).close(q)
-                closed[row] = found.ending.name == "closed"
-                q = found.q
-            if moved and closed[row]:
-                dynamics = self.dynamics
-                if not same:
-                    live = self.dynamics.models.parameter_values(p[row])
-                    names = self.dynamics.models.closure.live
-                    dynamics = dynamics_of(
-                        ensemble.mechanism, ensemble.modelling, {k: live[k] for k in names}
-                    )
-                assert dynamics.inverse_geometry is not None
-                reached = dynamics.inverse_geometry.solve(x[row], q)
-                closed[row], q = bool(reached.reached), reached.q
-            v = self._rates(q, v, values[row], p[row])
-            states[row, layout.part("positions")] = q
-            states[row, layout.part("rates")] = self.formulation.rates(v)
-        return closed
-
-    def _rates(self, q: Array, v: Array, values: Array, p: Array) -> Array:
-        """All rates of one row for its rates of outputs."""
-        places = self.factors.place("rate")
-        columns = self.dynamics.structure.columns("operational")
-        y0 = self.v0.copy()
-        for k, place in places:
-            y0[place] = values[k]
-        if not np.any(y0):
-            return np.zeros_like(v)
-        model = self.dynamics.model("platform")
-        given = dict(zip(columns, y0, strict=True))
-        y = np.array([given.get(k, 0.0) for k in model.independent])
-        return np.asarray(model.kernel("rates", "q")(q, *([p] if p.size else []), y))
-
-    def _arguments(self, states: Array, held: Mapping[str, Array], t: float) -> list[Array]:
+    def _arguments(self, states: Array, held: Mapping[str, Array], t: Array) -> list[Array]:
         """Arguments of a kernel of the equations."""
         kernel = self.formulation.equations.started
-        rows = len(states)
-        told = self.runner.signals_at(np.full(rows, t))
         values = {
-            "t": np.full((rows, 1), t),
+            "t": t[:, None],
             "state": states,
-            "signals": told,
-            "branches": np.ones((rows, kernel.inputs.get("branches", 0))),
+            "signals": self.runner.signals_at(t),
+            "branches": np.ones((len(states), kernel.inputs.get("branches", 0))),
             **held,
         }
         return [values[name] for name in kernel.inputs]
 
-    def _integrated(self, states: Array, held: Mapping[str, Array]) -> Runs:
+    def _fixed(self, held: Mapping[str, Array]) -> Array | None:
+        """Numbers that need to be computed once for a run."""
+        motion = self.formulation.equations.motion
+        return motion.prepare(*[held[k] for k in motion.held], threads=1) if motion.held else None
+
+    def _integrated(
+        self, states: Array, held: Mapping[str, Array], room: int | None = None
+    ) -> Runs:
         """All runs of a chunk, in one thread."""
-        equations, layout = self.formulation.equations, self.formulation.layout
-        motion, options = equations.motion, self.runner.options
-        prepared = (
-            motion.prepare(*[held[k] for k in motion.held], threads=1) if motion.held else None
-        )
-        started = equations.started(*self._arguments(states, held, 0.0), threads=1)
-        switches = started[:, len(layout.memory) :]
+        options = self.runner.options
+        switches = self._started(states, held)[:, len(self.formulation.layout.memory) :]
         return integrate(
-            self.formulation.problem(self.start.q, *self.runner.signals),
+            self.problem,
             states,
-            (0.0, float(self.ensemble.request.duration)),
+            (0.0, self.duration),
             Tolerances(
                 options.rtol,
                 np.array([options.atol]),
@@ -446,19 +366,19 @@ class _Prepared:
                 largest_step=options.largest_step,
                 max_steps=options.max_steps,
             ),
-            prepared=prepared,
+            prepared=self._fixed(held),
             branches=np.where(switches >= 0.0, 1.0, 0.0),
             p=held["p"],
             sample_times=np.array(self.times),
-            room=NOTED if self.events else 0,
+            room=(NOTED if self.events else 0) if room is None else room,
             threads=1,
         )
 
-    def _seen(self, starts: Array, runs: Runs, held: Mapping[str, Array]) -> Arrays:
-        """The columns of runs."""
-        layout, t = self.formulation.layout, float(self.ensemble.request.duration)
-        before = self._energies(starts, held, 0.0)
-        after = self._energies(runs.states, held, t)
+    def _seen(self, starts: Array, held: Mapping[str, Array]) -> Arrays:
+        """The columns that runs give by themselves."""
+        runs = self._integrated(starts, held)
+        before = self._energies(starts, held, np.zeros(len(starts)))
+        after = self._energies(runs.states, held, runs.times)
         held_energy = after[:, :3].sum(axis=1) - before[:, :3].sum(axis=1)
         found: Arrays = {
             "ending": runs.ending,
@@ -468,31 +388,35 @@ class _Prepared:
             "counts": runs.counts,
         }
         x, xd = self._names
-        if len(self.x0):
-            found[x], found[xd] = self._outputs_of(runs.states)
-        if len(self.times) and len(self.x0):
-            found[f"{x}_over_time"], found[f"{xd}_over_time"] = self._outputs_of(runs.samples)
+        if len(self.outputs):
+            found[x], found[xd] = self._outputs_of(runs.states, held["p"])
+        if len(self.times) and len(self.outputs):
+            at_times = self._outputs_of(runs.samples, held["p"][:, None])
+            found[f"{x}_over_time"], found[f"{xd}_over_time"] = at_times
         if self.events:
             found["first"] = self._first(runs)
-        assert layout.states == runs.states.shape[1]
+            many = runs.counts[:, 3] > NOTED
+            if many.any():
+                chosen = {name: array[many] for name, array in held.items()}
+                room = int(runs.counts[many, 3].max())
+                found["first"][many] = self._first(self._integrated(starts[many], chosen, room))
         return found
 
-    def _energies(self, states: Array, held: Mapping[str, Array], t: float) -> Array:
+    def _energies(self, states: Array, held: Mapping[str, Array], t: Array) -> Array:
         seen = self.formulation.equations.observed(*self._arguments(states, held, t), threads=1)
         energies = states[:, self.formulation.layout.part("energies")]
         return np.concatenate([seen[:, :3], energies], axis=1)
 
-    def _outputs_of(self, states: Array) -> tuple[Array, Array]:
+    def _outputs_of(self, states: Array, p: Array) -> tuple[Array, Array]:
         """Outputs and their rates, (*batch, ·)."""
         formulation, layout = self.formulation, self.formulation.layout
         positions, y = (states[..., layout.part(k)] for k in ("positions", "rates"))
-        columns = self.dynamics.structure.columns("operational")
         if formulation.place == "x":
-            order = [formulation.model.independent.index(k) for k in columns]
+            order = [formulation.model.independent.index(k) for k in self.columns]
             return positions, y[..., order]
-        outputs = Coordinates(self.dynamics.models, "operational")
-        v = formulation.all_rates(positions, y)
-        return outputs.of(positions), v[..., columns]
+        kernel = formulation.model.kernel("rates", "q")
+        v = kernel(positions, *([p] if p.shape[-1] else []), y, threads=1)
+        return self.outputs.of(positions), v[..., self.columns]
 
     def _first(self, runs: Runs) -> Array:
         """First time of each event, NaN where it did not happen."""
@@ -505,16 +429,24 @@ class _Prepared:
         return np.stack(found, axis=1)
 
 
-def _plain(value: Any) -> Any:
-    """A value in JSON's types."""
-    if value is None or isinstance(value, str | bool | int):
-        return value
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, Sequence):
-        return [_plain(v) for v in value]
-    if isinstance(value, float | np.floating | np.integer):
-        return float(value)
-    return _plain(value.as_dict()) if hasattr(value, "as_dict") else str(value)
+def _measured(name: str, measure: Measure, columns: Mapping[str, NDArray[Any]], rows: int) -> Array:
+    """One number for each row.
+
+    Raises:
+        ConfigurationError: the function fails, or gives something else.
+    """
+    given = {key: array.view() for key, array in columns.items()}
+    for array in given.values():
+        array.flags.writeable = False  # what one measure changes, others would see
+    try:
+        found = np.asarray(measure(given))
+    except Exception as error:  # a person's function
+        raise ConfigurationError(
+            f"measure {name} failed: {type(error).__name__}: {error}"
+        ) from error
+    if found.shape != (rows,) or found.dtype.kind not in "biuf":
+        raise ConfigurationError(
+            f"measure {name} gives {found.dtype} of shape {found.shape}, expected ({rows},): a "
+            "number for each row"
+        )
+    return found.astype(float)

@@ -116,11 +116,7 @@ class Scene:
             )
         if self.writing.place == "q" or edge.link:
             return closure.position(variable.edge)[coordinate]
-        positions = self.writing.reduced.frames.positions
-        if variable.unit == "m":
-            return positions.own_length(k)  # type: ignore[attr-defined]
-        c, s = positions.own_circle(k)  # type: ignore[attr-defined]
-        return al.atan2(s, c)
+        return self.writing.reduced.position(k)
 
     def rate(self, name: str) -> Scalar:
         """Rate of a variable of the tree."""

@@ -19,7 +19,7 @@ from gough.errors import ConfigurationError, UnknownName
 from gough.geometry.coordinates import Coordinates
 from gough.simulation.forces import Placed
 from gough.simulation.inputs import read_inputs
-from gough.uncertainty import Distribution
+from gough.uncertainty import Distribution, DistributionError
 
 Array = NDArray[np.float64]
 
@@ -101,6 +101,7 @@ class Factors:
         self._x0, self._v0 = x0, v0
         self._outputs = Coordinates(dynamics.models, "operational")
         self.each = [self._factor(name, value) for name, value in given.items()]
+        self._require_apart()
 
     @property
     def names(self) -> list[str]:
@@ -124,7 +125,21 @@ class Factors:
 
     def _factor(self, name: str, value: Any) -> Factor:
         target = self._target(name)
-        return Factor(name, target, Distribution.read(value, target.nominal))
+        try:
+            return Factor(name, target, Distribution.read(value, target.nominal))
+        except (DistributionError, UnknownName) as error:
+            raise DistributionError(f"factor {name}: {error}") from None
+
+    def _require_apart(self) -> None:
+        """Refuse factors that set the same number."""
+        found: dict[tuple[str, int], str] = {}
+        for factor in self.each:
+            place = factor.target.kind, factor.target.place
+            if place in found:
+                raise ConfigurationError(
+                    f"factors {found[place]} and {factor.name} are the same number; keep one"
+                )
+            found[place] = factor.name
 
     def _target(self, name: str) -> Target:
         if name.startswith(POSITION):
@@ -132,11 +147,11 @@ class Factors:
         if name.startswith(RATE):
             structure = self.dynamics.structure
             columns = structure.columns("operational")
-            known = [structure.variables[k].name.rpartition(".")[2] for k in columns]
-            place = _found("rate of an output", name.removeprefix(RATE), known)
+            known = [structure.variables[k].name for k in columns]
+            place = _shortly("rate of an output", name.removeprefix(RATE), known)
             return Target("rate", name, place, float(self._v0[place]))
         if name.startswith(INPUT):
-            law = next(iter(read_inputs({name.removeprefix(INPUT): 0.0}, self._laws).constant))
+            law = law_of(name, self._laws)
             place = list(self._inputs).index(law)
             return Target("input", law, place, self._inputs[law])
         place = _found("number of a live parameter", name, list(self._parameters))
@@ -145,13 +160,14 @@ class Factors:
     def _position(self, name: str) -> Target:
         """An output, or an entry of a rotation vector that turns a pose."""
         short, names = name.removeprefix(POSITION), self._outputs.names
-        known = [each.rpartition(".")[2] for each in names]
-        if "qw" in known and short in TURNS:
+        quaternion = any(_last(each) == "qw" for each in names)
+        if quaternion and short in TURNS:
             return Target("turn", name, TURNS.index(short), 0.0)
-        plain = [each for each in known if not each.startswith("q")]
-        _found("output", short, plain + (list(TURNS) if "qw" in known else []))
-        place = known.index(short)
-        return Target("position", name, place, float(self._x0[place]))
+        plain = [each for each in names if not (quaternion and _last(each).startswith("q"))]
+        place = _shortly("output", short, plain, TURNS if quaternion else ())
+        return Target(
+            "position", name, names.index(plain[place]), float(self._x0[names.index(plain[place])])
+        )
 
     @cached_property
     def _parameters(self) -> dict[str, int]:
@@ -175,27 +191,88 @@ def _found(kind: str, name: str, known: Sequence[str]) -> int:
     return known.index(name)
 
 
-def every_parameter(mechanism: Mechanism, share: str) -> dict[str, str]:
+def _last(name: str) -> str:
+    return name.rpartition(".")[2]
+
+
+def _shortly(kind: str, name: str, known: Sequence[str], more: Sequence[str] = ()) -> int:
+    """Place of a name, or of the one that ends so."""
+    if name in known:
+        return known.index(name)
+    short = [_last(each) for each in known]
+    if short.count(name) > 1:
+        full = [each for each in known if _last(each) == name]
+        raise ConfigurationError(f"{name} is the end of several names; give {' or '.join(full)}")
+    clear = [s if short.count(s) == 1 else full for s, full in zip(short, known, strict=True)]
+    _found(kind, name, [*clear, *more])
+    return short.index(name)
+
+
+def law_of(factor: str, laws: Sequence[Placed]) -> str:
+    """Full name of the law that a factor of the inputs tells."""
+    return next(iter(read_inputs({factor.removeprefix(INPUT): 0.0}, laws).constant))
+
+
+def told_as_numbers(
+    inputs: Mapping[str, Any] | None, vary: Mapping[str, Any], laws: Sequence[Placed]
+) -> dict[str, Any]:
+    """Inputs, and 0 for those that vary and are not told anything.
+
+    Raises:
+        UnknownName: there is no such joint or law that takes a command.
+        ConfigurationError: an input that varies is a table.
+    """
+    given = read_inputs(inputs, laws)
+    found = dict(inputs or {})
+    for name in vary:
+        if not name.startswith(INPUT):
+            continue
+        law = law_of(name, laws)
+        if law in given.tabled:
+            raise ConfigurationError(
+                f"factor {name} is a number, but inputs tell {law} a table; give a number there"
+            )
+        if law not in given.constant:
+            found[law] = 0.0
+    return found
+
+
+def every_parameter(
+    mechanism: Mechanism, share: str, live: Mapping[str, Any] | None = None
+) -> dict[str, str]:
     """A distribution for every number other than zero among the parameters.
 
     Args:
         mechanism: the description.
         share: the distribution of each about its nominal value, such as ±10 %.
+        live: values that replace those described.
+
+    Raises:
+        ConfigurationError: there are no such numbers.
     """
     try:
-        values = evaluate_parameters(mechanism.parameters)
+        given = {name: _tupled(value) for name, value in (live or {}).items()}
+        values = evaluate_parameters(mechanism.parameters, given)
     except ExpressionError as error:
         raise ConfigurationError(str(error)) from None
-    given = {}
+    found = {}
     for name, part in mechanism.parameters.items():
         written = part.value
-        if not _is_given(written):
+        if not _is_given(written) and name not in given:
             continue
         numbers = np.ravel(np.array(values[name], dtype=float)).tolist()
         for entry, number in zip(_entries(name, values[name]), numbers, strict=True):
             if number != 0.0:
-                given[entry] = share
-    return given
+                found[entry] = share
+    if not found:
+        raise ConfigurationError(
+            f"{mechanism.name} has no parameters to vary by {share!r}; name what varies"
+        )
+    return found
+
+
+def _tupled(value: Any) -> Any:
+    return tuple(_tupled(item) for item in value) if np.ndim(value) else float(value)
 
 
 def _is_given(value: Any) -> bool:

@@ -164,9 +164,7 @@ class Acting:
             return 0.0
         if self.place == "x":
             length = self.reduced.length(variable)
-            return (
-                length if length is not None else self.reduced.frames.positions.own_length(variable)
-            )  # type: ignore[attr-defined]
+            return self.reduced.position(variable) if length is None else length
         closure, edge = self.model.closure, self.model.structure.variables[variable].edge
         return closure.position(edge)[placed.freedom]
 

@@ -55,13 +55,8 @@ def ensemble_of(
         ConfigurationError: a value is wrong.
         DistributionError: a distribution can not be read.
     """
-    vary = many.vary
-    if isinstance(vary, str):
-        vary = every_parameter(mechanism, vary)
-    if isinstance(many.samples, bool) or not isinstance(many.samples, int | np.integer):
-        raise ConfigurationError(f"samples is {many.samples!r}, expected a whole number from 1 up")
-    if many.samples < 1:
-        raise ConfigurationError(f"samples is {many.samples}, expected 1 or more")
+    vary = _vary(mechanism, live, many.vary)
+    _check(many)
     design = _design(many, len(vary))
     times: tuple[float, ...] = ()
     if not (isinstance(request.times, int) and request.times == TIMES):
@@ -76,6 +71,35 @@ def ensemble_of(
         times,
         many.measures,
     )
+
+
+def _vary(
+    mechanism: Mechanism, live: Mapping[str, Any], given: Mapping[str, Any] | str
+) -> Mapping[str, Any]:
+    if isinstance(given, str):
+        return every_parameter(mechanism, given, live)
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(
+            f"vary is {given!r}, expected a distribution for each name, or one text for all "
+            "parameters"
+        )
+    for name in given:
+        if not isinstance(name, str):
+            raise ConfigurationError(f"vary has the name {name!r}, expected a text")
+    return dict(given)
+
+
+def _check(many: Many) -> None:
+    """Refuse what is not of the form that it should have."""
+    if isinstance(many.samples, bool) or not isinstance(many.samples, int | np.integer):
+        raise ConfigurationError(f"samples is {many.samples!r}, expected a whole number from 1 up")
+    if many.samples < 1:
+        raise ConfigurationError(f"samples is {many.samples}, expected 1 or more")
+    whole = isinstance(many.workers, int | np.integer) and not isinstance(many.workers, bool)
+    if many.workers is not None and (not whole or many.workers < 1):
+        raise ConfigurationError(f"workers is {many.workers!r}, expected a whole number from 1 up")
+    if not isinstance(many.measures, Mapping) or not all(map(callable, many.measures.values())):
+        raise ConfigurationError("measures has to hold a function for each name")
 
 
 def _design(many: Many, factors: int) -> Design | SaltelliDesign:

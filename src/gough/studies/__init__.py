@@ -48,7 +48,8 @@ def study(
         raise ValueError(f"points is {points}; a sweep needs 3 or more along a coordinate")
     with Folder(Path(folder)) as desk:
         context = Context(robot, seed, points, **({"progress": progress} if progress else {}))
-        sections = [section(context) for section in SECTIONS]
+        made = (section(context) for section in SECTIONS)
+        sections = [section for section in made if section is not None]
         context.progress("writing")
         desk.write(_files(robot, sections))
     return Path(folder) / "report.html"

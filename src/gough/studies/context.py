@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from gough import view
 from gough.analysis.analysis import Analysis
 from gough.robot import Home, Robot
+from gough.studies.deployments import Deployment, deployment
 from gough.studies.report import Picture
 
 if TYPE_CHECKING:
@@ -45,6 +46,12 @@ class Context:
         """The analysis at home."""
         self.progress("analysing")
         return self.robot.analyse(self.seed)
+
+    @cached_property
+    def deployment(self) -> Deployment | str:
+        """The run that laws of force make from home, or a sentence that says why there is none."""
+        self.progress("simulating")
+        return deployment(self.robot)
 
     def picture(self, name: str, figure: Figure, caption: str, about: str) -> Picture:
         """A drawn figure as a block of a section."""

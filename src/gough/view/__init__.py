@@ -8,6 +8,7 @@ from gough.view.compare import Compared, draw_comparison
 from gough.view.curves import draw_curves
 from gough.view.factors import Marks, Ratio, draw_ratios
 from gough.view.histogram import Limit, draw_histogram
+from gough.view.histories import History, draw_histories
 from gough.view.index_bars import IndexBars, draw_index_bars
 from gough.view.loops import Loop, draw_loops
 from gough.view.maps import Layer, draw_maps
@@ -22,6 +23,7 @@ from gough.view.tornado import draw_tornado
 
 __all__ = [
     "Compared",
+    "History",
     "IndexBars",
     "Layer",
     "Limit",
@@ -39,6 +41,7 @@ __all__ = [
     "draw_comparison",
     "draw_curves",
     "draw_histogram",
+    "draw_histories",
     "draw_index_bars",
     "draw_loops",
     "draw_maps",

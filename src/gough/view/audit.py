@@ -85,11 +85,21 @@ def _error(axes: Axes, time: Array, error: Array, size: float) -> None:
     else:
         axes.set_ylim(1e-16, 1.0)
     worst = float(np.nanmax(error, initial=0.0))
-    part = f", {worst / size:.1g} of the largest energy" if size > 0 else ""
-    axes.set_title(f"balance open by at most {worst:.1g} J{part}", loc="right", fontsize=8, pad=3)
+    part = f", {_rough(worst / size)} of the largest energy" if size > 0 else ""
+    title = f"balance open by at most {_rough(worst)} J{part}"
+    axes.set_title(title, loc="right", fontsize=8, pad=3)
     axes.set_xlim(time[0], time[-1])
     axes.set_xlabel("time [s]")
     axes.set_ylabel("error [J]")
+
+
+def _rough(value: float) -> str:
+    """One digit and a power of ten."""
+    front, _, power = f"{value:.0e}".partition("e")
+    if not value or -3 < int(power) < 3:
+        return f"{value:.1g}"
+    raised = str(int(power)).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    return f"10{raised}" if front == "1" else f"{front} · 10{raised}"
 
 
 def _tint(name: str, names: list[str]) -> str:

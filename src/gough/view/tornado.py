@@ -94,7 +94,7 @@ def _write(
     axes: Axes, row: int, text: str, at: float, right: bool, colour: str = paper.INK
 ) -> None:
     axes.annotate(
-        text,
+        text.replace("-", "\N{MINUS SIGN}"),
         (at, row),
         xytext=(3 if right else -3, 0),
         textcoords="offset points",
@@ -106,11 +106,20 @@ def _write(
 
 
 def _limits(axes: Axes, ends: Array) -> None:
-    """Room for the numbers at both ends."""
+    """Room for the numbers at both ends, and for two where both bars go the same way."""
     known = ends[np.isfinite(ends)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
-    room = 0.13 * ((high - low) or abs(high) or 1.0)
-    axes.set_xlim(low - room, high + room)
+    size = (high - low) or abs(high) or 1.0
+    left, right = low - 0.13 * size, high + 0.13 * size
+    shift = ends[:2] - ends[2]
+    with np.errstate(invalid="ignore"):
+        same = shift[0] * shift[1] > 0
+    for first, second in ends[:2, same].T.tolist():
+        if first + second > 2 * ends[2, 0]:
+            right = max(right, max(first, second) + 0.34 * size)
+        else:
+            left = min(left, min(first, second) - 0.34 * size)
+    axes.set_xlim(left, right)
 
 
 def _legend(picture: Figure, quantiles: tuple[str, str], nominal: float) -> None:

@@ -8,11 +8,13 @@ rows into lanes. ``in`` and ``out`` must not overlap.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from gough.kernels.native.lanes import Lanes, attributes
 from gough.kernels.native.text import written
 from gough.kernels.parts import Part, parts
+from gough.kernels.skipping import CERTAIN, Skipping
 from gough.kernels.tape import Tape
 
 ENTRY = "tile"
@@ -71,3 +73,69 @@ class TileText:
     def _at(self, lanes: Lanes, array: str, place: int) -> str:
         at = place * self.width
         return lanes.new(f"getelementptr inbounds double, ptr %{array}, i64 {at}")
+
+
+@dataclass
+class SkippingTileText:
+    """The module of a kernel whose error functions are skipped where all are certainly -1.
+
+    They are computed for all lanes if a lane needs one, so that the bits are those of the whole.
+    """
+
+    parts: Skipping
+    width: int
+
+    def __str__(self) -> str:
+        lanes = Lanes(self.width)
+        inputs = self.parts.after.inputs - len(self.parts.before.outputs)
+        inputs -= len(self.parts.functions.outputs)
+        known = self._run(lanes, self.parts.before, self._loading(lanes))
+        count = len(self.parts.functions.outputs)
+        values = self._functions(lanes, known[:count])
+        handed, load = [*known, *values], self._loading(lanes)
+        found = self._run(
+            lanes,
+            self.parts.after,
+            lambda slot: load(slot) if slot < inputs else handed[slot - inputs],
+        )
+        for place, value in enumerate(found):
+            at = self._at(lanes, "out", place)
+            lanes.lines.append(f"  store {lanes.real} {value}, ptr {at}, align 8")
+        head = f"define void @{ENTRY}(ptr noalias readonly %in, ptr noalias %out) #0 {{\nentry:\n"
+        text = head + "\n".join(lanes.lines) + "\n  ret void\n}\n"
+        return "\n".join([text, *sorted(lanes.declarations), attributes(self.width)])
+
+    def _run(self, lanes: Lanes, tape: Tape, fetch: Callable[[int], str]) -> list[str]:
+        """Names of the outputs of a tape."""
+        names = dict(written(lanes, tape.code, fetch, set(tape.outputs)))
+        return [names[k] for k in tape.outputs]
+
+    def _functions(self, lanes: Lanes, arguments: list[str]) -> list[str]:
+        """Names of the values of the functions, behind a branch."""
+        least = lanes.constant(CERTAIN)
+        wanted = [lanes.less(least, argument) for argument in arguments]  # type: ignore[operator]
+        some = wanted[0]
+        for one in wanted[1:]:
+            some = lanes.or_(some, one)
+        before, near, joined = lanes.block, lanes.label(), lanes.label()
+        lanes.lines.append(f"  br i1 {lanes.any(some)}, label %{near}, label %{joined}")
+        lanes.start_block(near)
+        found = self._run(lanes, self.parts.functions, lambda slot: arguments[slot])
+        inside = lanes.block
+        lanes.lines.append(f"  br label %{joined}")
+        lanes.start_block(joined)
+        sure = lanes.constant(-1.0)
+        return [
+            lanes.new(f"phi {lanes.real} [{value}, %{inside}], [{sure}, %{before}]")
+            for value in found
+        ]
+
+    def _loading(self, lanes: Lanes) -> Callable[[int], str]:
+        def load(slot: int) -> str:
+            at = self._at(lanes, "in", slot)
+            return lanes.new(f"load {lanes.real}, ptr {at}, align 8")
+
+        return load
+
+    def _at(self, lanes: Lanes, array: str, place: int) -> str:
+        return lanes.new(f"getelementptr inbounds double, ptr %{array}, i64 {place * self.width}")

@@ -1,4 +1,5 @@
-"""The sections of a report, one file each: a function from a context to a section."""
+"""The sections of a report, one file each: a function from a context to a section, or to None where
+there is nothing to say."""
 
 from collections.abc import Callable
 
@@ -6,17 +7,20 @@ from gough.studies.context import Context
 from gough.studies.report import Section
 from gough.studies.sections import (
     analysis,
+    comparison,
     dynamics,
     geometry,
     home,
     loops,
+    simulation,
     singular_values,
     subject,
     sweep,
+    uncertainty,
     velocity_factors,
 )
 
-SECTIONS: tuple[Callable[[Context], Section], ...] = (
+SECTIONS: tuple[Callable[[Context], Section | None], ...] = (
     subject.section,
     home.section,
     loops.section,
@@ -26,5 +30,8 @@ SECTIONS: tuple[Callable[[Context], Section], ...] = (
     geometry.section,
     velocity_factors.section,
     dynamics.section,
+    simulation.section,
+    comparison.section,
+    uncertainty.section,
 )
 """In the order of the report."""

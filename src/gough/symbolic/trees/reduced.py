@@ -105,6 +105,14 @@ class Reduced:
                 return al.mul(al.sub(al.norm(offset), rest), 1.0 / tie.terms[0][1])
         return None
 
+    def position(self, variable: int) -> Scalar:
+        """Position of a turn within half a turn, or of a slide."""
+        node = next(n for n in self.tree.nodes if variable in n.variables[:1])
+        if node.kind == "slide":
+            return al.mul(1.0 / node.factor, self.frames.positions.length(node))
+        c, s = self.frames.positions.circle(node)
+        return al.mul(1.0 / node.factor, al.atan2(s, c))
+
     def accelerations(self, yd: Sequence[Scalar]) -> Rates:
         """All kept accelerations for those of the given rates."""
         return self._whole.accelerations(yd)
