@@ -1,7 +1,7 @@
 """How feet, legs and the model of the platform change the deployment of a hexapod.
 
 With legs that have mass, universal feet make each leg turn about itself as the platform moves;
-spherical feet do not, and the platform rises faster, by little. The energy of rotation of the
+spherical feet do not, and the platform rises a little faster. The energy of rotation of the
 platform is exact, of third order in its rotation vector, or as the paper prints it, with twice the
 term of third order. With the name of a folder figures are drawn too.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from gough import Mechanism, Robot, load, view
 
 HEXAPOD = "deployable-hexapod"
-AXIAL = (8e-4, 8e-3)  # inertia of a reel about its leg, kg m²
+AXIAL = (8e-4, 1.2e-3)  # inertia of a reel about its leg, kg m²; no body of these can have more
 NAMES = ["x", "y", "z", "turn about x", "turn about y", "turn about z"]
 
 

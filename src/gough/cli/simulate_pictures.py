@@ -34,6 +34,8 @@ MOST_OUTPUTS = 6
 """Outputs of an ensemble that are drawn."""
 POINTS = 101
 """Of an envelope."""
+STILL = 1e-6
+"""Turns of a platform below which it does not turn, rad: what rounding makes of symmetry."""
 VARIES = 1e-9
 """Range of an output, in parts of the largest, below which it does not vary."""
 
@@ -107,24 +109,26 @@ def _of_run(robot: Robot, found: RunSummary) -> Iterator[tuple[str, Figure]]:
 
 def _positions(found: RunSummary) -> Iterator[view.History]:
     outputs = found.outputs
-    if "pose" in found.dataset:
-        yield view.History("position [m]", list(outputs.values[:, :3].T), ("x", "y", "z"))
-        turned = np.rad2deg(turns(outputs.values[:, 3:]))
-        names = ("about x", "about y", "about z")
-        yield view.History("turned since start [°]", list(turned.T), names)
+    if "pose" not in found.dataset:
+        yield from _panels("position", outputs.names, outputs.units, outputs.values)
         return
-    yield from _panels("position", outputs.names, outputs.units, outputs.values)
+    yield view.History("position [m]", list(outputs.values[:, :3].T), ("x", "y", "z"))
+    turned = turns(outputs.values[:, 3:])
+    if np.ptp(turned) > STILL:
+        names = ("about x", "about y", "about z")
+        yield view.History("turned since start [°]", list(np.rad2deg(turned).T), names)
 
 
 def _rates(found: RunSummary) -> Iterator[view.History]:
     outputs = found.outputs
-    if "pose" in found.dataset:
-        yield view.History("velocity [m/s]", list(outputs.rates[:, :3].T), ("x", "y", "z"))
+    if "pose" not in found.dataset:
+        units = [f"{unit}/s" for unit in outputs.units]
+        yield from _panels("rate", outputs.names, units, outputs.rates)
+        return
+    yield view.History("velocity [m/s]", list(outputs.rates[:, :3].T), ("x", "y", "z"))
+    if np.ptp(turns(outputs.values[:, 3:])) > STILL:
         spin = np.rad2deg(outputs.rates[:, 3:])
         yield view.History("angular velocity [°/s]", list(spin.T), ("x", "y", "z"))
-        return
-    units = [f"{unit}/s" for unit in outputs.units]
-    yield from _panels("rate", outputs.names, units, outputs.rates)
 
 
 def _panels(

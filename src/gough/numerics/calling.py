@@ -53,14 +53,14 @@ def compiled(function: Function) -> Function:
 
 def part(function: Function) -> Function:
     """A function that becomes part of the compiled ones that call it."""
-    njit: Any = numba.njit(error_model="numpy", forceinline=True, **INNER)
-    return cast(Function, njit(function))
+    njit: Any = numba.njit
+    return cast(Function, njit(error_model="numpy", forceinline=True, **INNER)(function))
 
 
 def routine(function: Function) -> Function:
     """A function that the compiled ones call; for what is long or rare."""
-    njit: Any = numba.njit(nogil=True, error_model="numpy", **INNER)
-    return cast(Function, njit(function))
+    njit: Any = numba.njit
+    return cast(Function, njit(nogil=True, error_model="numpy", **INNER)(function))
 
 
 def _call_kernel(context: Any, address: Any, pointers: Any, steps: Any, rows: Any) -> Lowering:

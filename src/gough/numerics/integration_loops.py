@@ -579,6 +579,22 @@ def comes_back(r: int, wide: int, tiles: Tiles, shape: Shape, rules: Rules) -> b
 
 
 @routine
+def flip(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules,
+         rows: Rows) -> bool:  # fmt: skip
+    """Change the switches that stand on their wrong side all along a step; whether there are."""
+    inside, changed = 1 + shape.states + shape.signals, False
+    for k in range(shape.switches):
+        s = 2.0 * tiles.given[(inside + k) * wide + r] - 1.0
+        start, end = value_at(0, k, r, wide, tiles, shape), value_at(6, k, r, wide, tiles, shape)
+        if s * start <= 0.0 and s * end < -rules.reversal:
+            tiles.given[(inside + k) * wide + r] = 0.5 - 0.5 * s
+            changed = True
+            if lane.t[r] > rules.start:
+                note(lane.run[r], k, lane.t[r], rows)
+    return changed
+
+
+@routine
 def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules: Rules, rows: Rows,
                events: Events) -> int:  # fmt: skip
     """Whether an event lies in a lane's trial step: 1, and its bracket is set; else 0.
@@ -586,9 +602,11 @@ def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules:
     2 where a switch stood on its wrong side from the start and has been changed; 3 where one went
     there and back between the ends of the step, which the stages in between show.
     """
-    first, flipped, inside = 2.0, False, 1 + shape.states + shape.signals
     if comes_back(r, wide, tiles, shape, rules):
         return 3
+    if flip(r, wide, tiles, shape, lane, rules, rows):
+        return 2
+    first, inside = 2.0, 1 + shape.states + shape.signals
     for k in range(shape.events):
         if events.kind[k] == GUARD or (events.kind[k] == MARK and not rules.exact):
             continue
@@ -596,19 +614,11 @@ def find_event(r: int, wide: int, tiles: Tiles, shape: Shape, lane: Lane, rules:
         s, switch = sign_of(k, r, wide, tiles, shape, events, start), events.kind[k] == SWITCH
         if s == 0.0 or not s * end < (-rules.reversal if switch else TINY):
             continue
-        if switch and s * start <= 0.0:
-            tiles.given[(inside + k) * wide + r] = 0.5 - 0.5 * s
-            flipped = True
-            if lane.t[r] > rules.start:
-                note(lane.run[r], k, lane.t[r], rows)
-        elif start / (start - end) < first:
+        if start / (start - end) < first:
             first = start / (start - end)
             lane.event[r], lane.side[r], lane.trials[r] = k, 0, 0
             lane.before[r], lane.value_before[r] = 0.0, s * start
             lane.after[r], lane.value_after[r] = lane.h[r], s * end
-    if flipped:
-        lane.event[r] = -1
-        return 2
     if lane.event[r] >= 0:
         lane.h[r] *= first
         return 1

@@ -125,7 +125,8 @@ class _Run:
     def _told(self, t: float, begun: float) -> Array:
         """Signals at a time, of the piece in which another time lies."""
         problem, times = self.problem, np.array([float(t), float(begun)])
-        return signal_values(problem.breaks, problem.coefficients, times[:1], times[1:])[0]
+        found = signal_values(problem.breaks, problem.coefficients, times[:1], times[1:])
+        return np.asarray(found[0])
 
     def _enter(self, t: float) -> float:
         """Where the piece of the signals that begins at a time or lies there ends, or the end."""

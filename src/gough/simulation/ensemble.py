@@ -1,6 +1,7 @@
 """Ensembles: many runs of one mechanism that differ in parameters, starts and inputs.
 
-Every run is made by the compiled integrator in one choice of coordinates, eight lanes at a time.
+Runs are made by the compiled integrator in one choice of coordinates, eight lanes at a time. Those
+whose coordinates lose their regularity on the way are made again one by one, as single runs are.
 A run that does not reach its end stays in the results as a row with the name of its ending.
 """
 
@@ -18,14 +19,15 @@ from numpy.typing import NDArray
 from gough.cache import digest
 from gough.description import Mechanism
 from gough.ensembles import Column, Coordinate, Plan
-from gough.errors import ConfigurationError
+from gough.errors import ConfigurationError, GoughError
 from gough.geometry.coordinates import Coordinates
 from gough.numerics.integration import ENDINGS, Runs, Tolerances, integrate
 from gough.simulation.factors import Factors, told_as_numbers
 from gough.simulation.formulations import Formulation
 from gough.simulation.mechanics import dynamics_of
+from gough.simulation.onward import Onward
 from gough.simulation.origin import plain
-from gough.simulation.run import LOWEST
+from gough.simulation.run import LEVEL, LOST
 from gough.simulation.simulate import Request, Simulator, times_of
 from gough.simulation.starts import Starts
 from gough.topology import Modelling
@@ -180,6 +182,7 @@ class Prepared:
         some = [ensemble.design.rows(k, k + 1) for k in sorted({0, rows // 2, rows - 1})]
         probes = self._held(self.factors.values(np.concatenate(some)))["p"]
         self.starts = Starts(self.dynamics, request, start, self.formulation, self.factors, probes)
+        self.onward = Onward(self.runner, self.formulation)
         self.problem = self.formulation.problem(start.q, *self.runner.signals)
         self._warm()
 
@@ -360,7 +363,7 @@ class Prepared:
             Tolerances(
                 options.rtol,
                 np.array([options.atol]),
-                guard=LOWEST,
+                guard=LEVEL,
                 exact=self.runner.formulations.setting.located,
                 once=len(self.events) < MARKS,
                 largest_step=options.largest_step,
@@ -400,6 +403,39 @@ class Prepared:
                 chosen = {name: array[many] for name, array in held.items()}
                 room = int(runs.counts[many, 3].max())
                 found["first"][many] = self._first(self._integrated(starts[many], chosen, room))
+        for row in np.flatnonzero(np.isin(runs.ending, [ENDINGS.index(e) for e in LOST])).tolist():
+            for name, value in self._again(starts[row], held, row).items():
+                found[name][row] = value
+        return found
+
+    def _again(self, start: Array, held: Mapping[str, Array], row: int) -> dict[str, Any]:
+        """The columns of one run that may need other coordinates; none if it is lost all the same."""
+        times = np.unique([0.0, *self.times, self.duration])
+        p, inputs = held["p"][row], held["inputs"][row]
+        try:
+            trace = self.onward.run(start, p, inputs, self.duration, times)
+        except (GoughError, ArithmeticError):
+            return {}
+        if trace.ending not in ENDINGS[:2]:
+            return {}
+        x, xd = self._names
+        found: dict[str, Any] = {
+            "ending": ENDINGS.index(trace.ending),
+            "end": trace.end,
+            "energy": trace.energies[-1],
+            "energy_balance_error": trace.balance[-1],
+            "counts": list(trace.counts.values()),
+        }
+        for name, values in ((x, trace.x), (xd, trace.xd)) if len(self.outputs) else ():
+            found[name] = values[-1]
+            if len(self.times):
+                over = np.full((len(self.times), values.shape[1]), np.nan)
+                kept = np.isin(self.times, trace.times)
+                over[kept] = values[np.isin(trace.times, self.times)]
+                found[f"{name}_over_time"] = over
+        if self.events:
+            first = [[t for t, name in trace.events if name == event] for event in self.events]
+            found["first"] = [min(times, default=np.nan) for times in first]
         return found
 
     def _energies(self, states: Array, held: Mapping[str, Array], t: Array) -> Array:

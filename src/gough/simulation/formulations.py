@@ -31,6 +31,9 @@ SX = casadi.SX
 
 GOOD = 0.3
 """Independent rates this good, in parts of the best, are kept; a guess."""
+ABOUT, NOTHING = 0.25, 1e-3
+"""How much changes of angles may differ from their mean rates, in parts and in rad; what differs
+more is only looked at more slowly."""
 WANTED = 0.5
 """Of the rates that are as independent as this, in parts of the best, motors are preferred."""
 
@@ -90,6 +93,51 @@ class Formulation:
         """Rates of all variables of the tree, (*batch, variables)."""
         p = self.dynamics.assembler.p
         return self.model.kernel("rates", "q")(q, *([p] if p.size else []), y)
+
+    def along(self, positions: Array, y: Array, times: Array, near: Array) -> tuple[Array, Array]:
+        """Configurations and rates of all variables along a motion, (times, ·).
+
+        Where outputs leave a choice, a configuration is the one that the motion before it leads to:
+        closed forms alone would change to the mirrored mode of a leg that passes its flat position.
+        Angles go on through whole turns.
+        """
+        q = self.configurations(positions, near)
+        v = self.all_rates(q, y)
+        if self.place == "q" or self._smooth(q, v, times):
+            return q, v
+        models = self.dynamics.models
+        for k in range(len(times)):
+            if k:
+                near = models.retract(q[k - 1], v[k - 1] * (times[k] - times[k - 1]))
+            q[k] = self.configurations(positions[k], near)
+            turns = np.round((near - q[k]) / (2 * np.pi))
+            q[k] += np.where(self._angles, 2 * np.pi * turns, 0.0)
+            v[k] = self.all_rates(q[k], y[k])
+        return q, v
+
+    @cached_property
+    def _angles(self) -> NDArray[np.bool_]:
+        """Which numbers of a configuration are angles."""
+        found: list[bool] = []
+        for edge in self.dynamics.structure.edges:
+            plain = edge.type.coordinates == edge.type.freedoms
+            found += [plain and unit == "rad" for unit in edge.type.rates]
+            found += [False] * (edge.type.coordinates - edge.type.freedoms)
+        return np.array(found, dtype=bool)
+
+    def _smooth(self, q: Array, v: Array, times: Array) -> bool:
+        """Whether angles move from each time to the next about as their rates say."""
+        structure, slices = self.dynamics.structure, self.dynamics.models.closure.slices
+        columns = [
+            k
+            for k, x in enumerate(structure.variables)
+            if self._angles[slices[x.edge].start + x.freedom]
+        ]
+        places = [slices[structure.variables[k].edge].start + structure.variables[k].freedom
+                  for k in columns]  # fmt: skip
+        mean = 0.5 * (v[1:, columns] + v[:-1, columns]) * np.diff(times)[:, None]
+        off = np.abs(np.diff(q[:, places], axis=0) - mean)
+        return bool(np.all(off <= ABOUT * np.abs(mean) + NOTHING))
 
     # equations that positions obey
 

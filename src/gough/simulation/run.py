@@ -257,7 +257,9 @@ class Runner:
         states, at, layout = states[reached], times[reached], formulation.layout
         if not len(at):
             return
-        q, v = self._everything(formulation, states, near)
+        positions, y = (states[:, layout.part(k)] for k in ("positions", "rates"))
+        q, v = formulation.along(positions, y, at, near)
+        now.q = q[-1]
         seen = formulation.equations.observed(*self._arguments(formulation, states, at))
         laws = len(formulation.equations.setting.laws)
         coordinates = formulation.model.outputs
