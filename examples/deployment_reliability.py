@@ -26,7 +26,7 @@ SCATTER = {
     "stop_damping": "±30 %",
 }
 LIMITS = ["time <= 0.43", "twist <= 30"]
-BASE = 512
+BASE = 1024
 
 
 def ensemble():
@@ -47,7 +47,7 @@ def main(folder: Path | None) -> None:
     indices = sobol_indices(outputs, names, ["time [s]", "twist [°]"])
     print("total Sobol' indices with 95 % intervals")
     for k, output in enumerate(indices.outputs):
-        print(f"{output}: mean {indices.mean[k]:.3f}, sd {np.sqrt(indices.variance[k]):.3g}")
+        print(f"{output}: mean {indices.mean[k]:.3g}, sd {np.sqrt(indices.variance[k]):.3g}")
         for name in indices.ranked(output)[:5]:
             i = names.index(name)
             low, high = indices.total_interval[k, i]

@@ -71,7 +71,7 @@ def tiles(kernel, held, width, x, p):
     given = {"x": x, "p": p}
     columns = [given[name] for name in kernel.inputs if name not in held]
     if held:
-        columns.append(found.prepare(*[given[name] for name in held]))
+        columns.append(found.prepare(*[given[name] for name in found.held]))
     rows = np.ascontiguousarray(np.concatenate(columns, axis=1))
     return through(found.address(width), width, rows, kernel.shape[0])
 

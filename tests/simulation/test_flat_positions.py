@@ -96,3 +96,11 @@ def test_falling_robots_keep_their_energy(name, v0):
     largest = float(run.energy_kinetic.max())
     assert np.abs(run.energy_balance_error.values).max() < 1e-9 * largest
     assert closure_gap(robot, run) < 1e-9  # at heights of 500 m
+
+
+def test_tolerances_near_rounding_end():
+    """Marks are located no more closely than times can be told apart."""
+    run = load("deployable-hexapod", variants="dispersed").simulate(1.0, rtol=1e-13)
+    assert str(run.ending.values) == "finished"
+    assert run.attrs["steps"] < 10_000
+    assert np.abs(run.energy_balance_error.values).max() < 1e-11

@@ -85,7 +85,7 @@ def test_the_dispersed_platform_twists():
 
 
 def universal(axial):
-    """Legs with mass on universal feet; a moment about the leg that no body has passes unchecked."""
+    """Legs with mass on universal feet; moments about the leg that no body has pass unchecked."""
     mechanism = load("deployable-hexapod", variants="massive-legs").mechanism
     leg = mechanism.legs["leg"]
     reel = leg.bodies["reel"].model_copy(update={"inertia": (6e-4, 6e-4, axial)})

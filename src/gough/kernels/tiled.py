@@ -26,11 +26,13 @@ class TiledKernel:
 
     Args:
         kernel: the expression.
-        held: inputs that stay the same through many evaluations.
+        held: inputs that stay the same through many evaluations, in any order; the attribute
+            ``held`` has them in the kernel's.
     """
 
     def __init__(self, kernel: Kernel, held: Sequence[str] = ()) -> None:
-        self.kernel, self.held = kernel, tuple(held)
+        assert set(held) <= set(kernel.inputs)
+        self.kernel, self.held = kernel, tuple(k for k in kernel.inputs if k in held)
         self.inputs = {k: n for k, n in kernel.inputs.items() if k not in self.held}
         """Sizes of the inputs that are not held."""
         self._loaded: dict[int, Loaded] = {}

@@ -93,6 +93,12 @@ class Problem:
         return sum(event.kind == "switch" for event in self.events)
 
 
+def closest(rtol: float, span: tuple[float, float]) -> float:
+    """How closely events are located, s: a thousandth of rtol, but not below rounding of times."""
+    start, end = span
+    return max(1e-3 * rtol * (end - start), 1e-14 * max(abs(start), abs(end)))
+
+
 def signal_values(
     breaks: Array, coefficients: Array, t: Array, begun: Array | None = None
 ) -> Array:
@@ -124,7 +130,7 @@ class Tolerances:
     reversal: float | None = None
     """How far a switch may be beyond zero, in its unit; 0.01 √rtol if None."""
     closeness: float | None = None
-    """How closely other events are located, s; 0.001 rtol of the duration if None."""
+    """How closely other events are located, s; see `closest`."""
     guard: float = 0.0
     """A run ends where a guard's value falls below this."""
     exact: bool = True
@@ -244,7 +250,7 @@ class _Loop:
             float(tolerances.first_step),
             float(tolerances.largest_step),
             float(0.01 * np.sqrt(rtol) if reversal is None else reversal),
-            float(1e-3 * rtol * duration if closeness is None else closeness),
+            float(closest(rtol, span) if closeness is None else closeness),
             float(tolerances.guard),
             bool(tolerances.exact),
             bool(tolerances.once),

@@ -409,7 +409,7 @@ class Prepared:
         return found
 
     def _again(self, start: Array, held: Mapping[str, Array], row: int) -> dict[str, Any]:
-        """The columns of one run that may need other coordinates; none if it is lost all the same."""
+        """The columns of a run in other coordinates on its way; none if it is lost there too."""
         times = np.unique([0.0, *self.times, self.duration])
         p, inputs = held["p"][row], held["inputs"][row]
         try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -42,7 +43,7 @@ class Onward:
         with _ONE_BY_ONE:
             shared = self.runner.formulations
             shared.dynamics.model("joint")
-            own = _with_dynamics(shared, _with_parameters(shared.dynamics, p))
+            own = _Own(shared, _with_parameters(shared.dynamics, p))
             told = dict(zip(self.runner.inputs.constant, inputs.tolist(), strict=True))
             runner = replace(
                 self.runner,
@@ -54,9 +55,6 @@ class Onward:
             trace = runner.go(start, duration, times)
             if trace.ending is Ending.stopped:
                 trace = runner.go(start, duration, np.unique([*times, trace.end]))
-            for names, found in own._found.items():
-                if names not in shared._found:
-                    shared._found[names] = _rebound(found, shared.dynamics)
             return trace
 
     def _start(self, dynamics: Dynamics, state: Array) -> Start:
@@ -73,16 +71,26 @@ def _with_parameters(dynamics: Dynamics, p: Array) -> Dynamics:
     found.home = found.assembler.home().require().q
     if dynamics.inverse_geometry is not None:
         found.inverse_geometry = InverseGeometry(dynamics.models, found.assembler, found.home)
+    # kernels hold the scales of whoever makes them
+    scales = ("row_scale", "rate_scale")
+    vars(found.assembler).update({name: getattr(dynamics.assembler, name) for name in scales})
     return found
 
 
-def _with_dynamics(shared: Formulations, dynamics: Dynamics) -> Formulations:
-    """The same formulations at other parameters; those found later are its own."""
-    by_outputs, found = shared.by_outputs, copy(shared)
-    found.dynamics = dynamics
-    found._found = {names: _rebound(one, dynamics) for names, one in shared._found.items()}
-    vars(found)["by_outputs"] = None if by_outputs is None else _rebound(by_outputs, dynamics)
-    return found
+class _Own(Formulations):
+    """The formulations of a nominal mechanism, at other parameters.
+
+    What is not there yet is made for the nominal one, so that no run depends on those before it.
+    """
+
+    def __init__(self, shared: Formulations, dynamics: Dynamics) -> None:
+        super().__init__(dynamics, shared.setting)
+        self.shared = shared
+        by_outputs = shared.by_outputs
+        vars(self)["by_outputs"] = by_outputs and _rebound(by_outputs, dynamics)
+
+    def _with(self, chosen: Sequence[int]) -> Formulation:
+        return _rebound(self.shared._with(chosen), self.dynamics)
 
 
 def _rebound(formulation: Formulation, dynamics: Dynamics) -> Formulation:

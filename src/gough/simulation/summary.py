@@ -30,6 +30,8 @@ DIGITS = 4
 """Digits of the largest number of a table."""
 SMALLEST = 9
 """Digits behind the point at most."""
+ROUNDING = 1e-9
+"""Coordinates below this are told as 0, m and rad."""
 NOISE = 1e-6
 """Part of the largest number below which changes are not told."""
 LEVELS = (0.05, 0.5, 0.95)
@@ -480,17 +482,16 @@ def _column(values: Array, scale: Array, kind: str = "f") -> list[str]:
     to see how they change along a column."""
     if kind == "g":
         return [f"{x:.6g}" for x in values.tolist()]
-    known = scale[np.isfinite(scale)]
-    size = float(np.abs(known).max(initial=0.0))
-    if not size:
-        return [_no_minus(f"{x:.1f}") for x in values.tolist()]
+    size = float(np.abs(scale[np.isfinite(scale)]).max(initial=0.0))
+    if size < ROUNDING:
+        return ["0" if abs(x) < ROUNDING else "-" for x in values.tolist()]
     if size >= 1e6 or size < 1e-4:
         return [f"{x:.{DIGITS - 1}e}" for x in values.tolist()]
-    behind = DIGITS - 1 - int(np.floor(np.log10(size)))
+    behind = max(DIGITS - 1 - int(np.floor(np.log10(size))), 1 if size >= 1e3 else DIGITS)
     change = float(np.nanmax(np.ptp(scale, axis=0), initial=0.0))
     if change > NOISE * size:
         behind = max(behind, DIGITS - 2 - int(np.floor(np.log10(change))))
-    return [_no_minus(f"{x:.{min(max(behind, 1), SMALLEST)}f}") for x in values.tolist()]
+    return [_no_minus(f"{x:.{min(behind, SMALLEST)}f}") for x in values.tolist()]
 
 
 def _no_minus(text: str) -> str:

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+
 from gough.kernels.native.lanes import Lanes, attributes
 from gough.kernels.native.text import written
 from gough.kernels.parts import Part, parts
@@ -111,9 +113,9 @@ class SkippingTileText:
         return [names[k] for k in tape.outputs]
 
     def _functions(self, lanes: Lanes, arguments: list[str]) -> list[str]:
-        """Names of the values of the functions, behind a branch."""
-        least = lanes.constant(CERTAIN)
-        wanted = [lanes.less(least, argument) for argument in arguments]  # type: ignore[operator]
+        """Names of the values of the functions, behind a branch; NaN is not certain."""
+        least = lanes.constant(float(np.nextafter(CERTAIN, 0.0)))
+        wanted = [lanes.not_(lanes.less(x, least)) for x in arguments]  # type: ignore[operator]
         some = wanted[0]
         for one in wanted[1:]:
             some = lanes.or_(some, one)
