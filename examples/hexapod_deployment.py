@@ -11,20 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from gough import Mechanism, Robot, load, view
+from gough import load, view
 
 HEXAPOD = "deployable-hexapod"
-AXIAL = (8e-4, 1.2e-3)  # inertia of a reel about its leg, kg m²; no body of these can have more
 NAMES = ["x", "y", "z", "turn about x", "turn about y", "turn about z"]
-
-
-def universal(axial: float) -> Robot:
-    """Legs with mass on universal feet, whose reels have this inertia about their leg."""
-    mechanism = load(HEXAPOD, variants="massive-legs").mechanism
-    leg = mechanism.legs["leg"]
-    reel = leg.bodies["reel"].model_copy(update={"inertia": (6e-4, 6e-4, axial)})
-    leg = leg.model_copy(update={"bodies": {**leg.bodies, "reel": reel}})
-    return Robot(Mechanism(**{**dict(mechanism), "legs": {"leg": leg}}))
 
 
 def outputs(run) -> np.ndarray:
@@ -37,19 +27,19 @@ def outputs(run) -> np.ndarray:
 
 
 def feet(folder: Path | None) -> None:
-    robots = {"spherical": load(HEXAPOD, variants=["massive-legs", "spherical"])}
-    robots |= {f"universal, {axial:g} kg m²": universal(axial) for axial in AXIAL}
+    names = ["spherical", "universal"]
+    chosen = [["massive-legs", "spherical"], ["massive-legs", "universal-radial"]]
     time = np.linspace(0, 0.42, 211)
-    runs = [robot.simulate(0.42, times=time) for robot in robots.values()]
+    runs = [load(HEXAPOD, variants=each).simulate(0.42, times=time) for each in chosen]
     z = np.array([run.pose.values[:, 2] for run in runs])
     at = int(np.argmin(np.abs(time - 0.4)))
-    print("feet of legs with mass           z at 0.40 s   behind")
-    for name, row in zip(robots, z, strict=True):
-        print(f"{name:<32} {row[at]:.6f} m {1e3 * (z[0, at] - row[at]):8.2f} mm")
+    print("feet of legs with mass   z at 0.40 s      behind")
+    for name, row in zip(names, z, strict=True):
+        print(f"{name:<24} {row[at]:.6f} m {1e3 * (z[0, at] - row[at]):8.2f} mm")
     if folder:
         rate = np.array([run.twist.values[:, 2] for run in runs])
         shown = [view.Compared("z [m]", z), view.Compared("rate of z [m/s]", rate)]
-        picture = view.draw_comparison(time, shown, list(robots))
+        picture = view.draw_comparison(time, shown, names)
         (folder / "hexapod-feet.png").write_bytes(view.png(picture))
 
 

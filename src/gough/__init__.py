@@ -28,11 +28,13 @@ if TYPE_CHECKING:
         ConfigurationError,
         DescriptionError,
         GoughError,
+        MissingExtra,
         OutOfReach,
         SingularError,
         UnknownName,
     )
     from gough.robot import Home, Robot, load
+    from gough.simulation.events import When
 
 __version__ = "0.1.0"
 
@@ -55,11 +57,13 @@ _ROOMS = {
         "ConfigurationError",
         "DescriptionError",
         "GoughError",
+        "MissingExtra",
         "OutOfReach",
         "SingularError",
         "UnknownName",
     ),
     "gough.robot": ("Home", "Robot", "load"),
+    "gough.simulation.events": ("When",),
 }
 _HOME = {name: room for room, names in _ROOMS.items() for name in names}
 
@@ -78,12 +82,14 @@ __all__ = [
     "Joint",
     "Leg",
     "Mechanism",
+    "MissingExtra",
     "Motor",
     "OutOfReach",
     "Parameter",
     "Robot",
     "SingularError",
     "UnknownName",
+    "When",
     "load",
 ]
 

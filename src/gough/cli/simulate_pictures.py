@@ -14,7 +14,7 @@ from gough import view
 from gough.actuators import LAWS, curves
 from gough.errors import ConfigurationError
 from gough.robot import Robot
-from gough.simulation.summary import EnsembleSummary, RunSummary
+from gough.simulation.summary import ROUNDING, EnsembleSummary, RunSummary
 from gough.studies.deployments import actuators, alike, numbers_of, together, turns
 from gough.view import paper
 
@@ -137,6 +137,8 @@ def _panels(
     """A panel for each unit, of a few curves at most."""
     for unit in dict.fromkeys(units):
         columns = [k for k, u in enumerate(units) if u == unit]
+        if np.abs(values[:, columns]).max(initial=0.0) < ROUNDING:
+            continue
         for first in range(0, len(columns), MOST_CURVES):
             chosen = columns[first : first + MOST_CURVES]
             factor = 180 / np.pi if unit.startswith("rad") else 1.0

@@ -241,7 +241,7 @@ class _Loop:
 
         self.loops, self.problem, self.found = loops, problem, found
         self.given, self.p, self.sample_times = prepared, p, sample_times
-        rtol, duration = tolerances.rtol, span[1] - span[0]
+        rtol = tolerances.rtol
         reversal, closeness = tolerances.reversal, tolerances.closeness
         self.rules = loops.Rules(
             float(span[0]),

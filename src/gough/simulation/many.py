@@ -15,7 +15,7 @@ from gough.ensembles import Memory, Results, Store, run
 from gough.errors import ConfigurationError, UnknownName
 from gough.simulation.ensemble import WORDS, Ensemble, Measure
 from gough.simulation.factors import every_parameter, with_live
-from gough.simulation.simulate import TIMES, Request
+from gough.simulation.simulate import TIMES, Request, options_of
 from gough.topology import Modelling
 from gough.uncertainty import Design, SaltelliDesign
 
@@ -55,6 +55,7 @@ def ensemble_of(
         ConfigurationError: a value is wrong.
         DistributionError: a distribution can not be read.
     """
+    options_of(request)
     vary = _vary(mechanism, live, many.vary)
     _check(many)
     design = _design(many, len(vary))

@@ -101,7 +101,7 @@ class Simulator:
             ConfigurationError: something asked for has the wrong form or value.
             UnknownName: a name does not exist.
         """
-        options = _options(request)
+        options = options_of(request)
         inputs = read_inputs(request.inputs, self.laws)
         gravity = None
         if request.gravity is not None:
@@ -265,7 +265,7 @@ def times_of(given: int | ArrayLike, duration: float) -> Array:
     return times
 
 
-def _options(request: Request) -> Options:
+def options_of(request: Request) -> Options:
     """The options, checked."""
     if request.method not in METHODS:
         raise UnknownName("method", str(request.method), METHODS)

@@ -458,7 +458,10 @@ class EnsembleSummary:
         lines = []
         if self.seconds is not None:
             rate = self.count / self.seconds if self.seconds else np.inf
-            lines.append(f"  made in {self.seconds:.3g} s, {_rounded(rate)} rows/s")
+            lines.append(
+                f"  made in {self.seconds:.3g} s, the making of machine code included: "
+                f"{_rounded(rate)} rows/s"
+            )
         if self.store:
             lines.append(f"  kept in {self.store}")
         return lines

@@ -94,19 +94,11 @@ class Output:
     values: Array
     """(runs,), NaN of runs without a value."""
     limit: Criterion
-    """Of the values, or of their size."""
-    either_way: bool = False
-    """Whether the limit is one of the size."""
 
     @property
     def label(self) -> str:
         """Name and unit."""
         return f"{self.name} [{self.unit}]"
-
-    @property
-    def judged(self) -> Array:
-        """What the limit speaks of."""
-        return np.abs(self.values) if self.either_way else self.values
 
 
 @dataclass(frozen=True)
@@ -151,7 +143,7 @@ class Spread:
     @cached_property
     def reliability(self) -> Reliability:
         """How likely a limit is missed."""
-        values = {o.limit.output: o.judged[self.independent] for o in self.outputs}
+        values = {o.limit.output: o.values[self.independent] for o in self.outputs}
         return reliability([o.limit for o in self.outputs], values)
 
 
@@ -219,12 +211,12 @@ def _outputs(nominal: Deployment, runs: Any) -> list[Output]:
     found = [Output("time of deployment", "s", time, Criterion("time of deployment", "<=", limit))]
     twist = nominal.motion.twist
     if twist is not None:
-        name = nominal.motion.outputs[twist].name
+        name = f"size of {nominal.motion.outputs[twist].name}"
         home = nominal.run["pose"].values[0, 3:]
         turn = np.rad2deg(turned(runs["pose"].values[:, 3:], home)[:, twist - 3])
-        turn = np.where(lost, np.nan, turn)
-        asked = Criterion(f"size of {name}", "<=", TURNED)
-        found.append(Output(name, "°", turn, asked, either_way=True))
+        # the sign of half a turn would jump, its size does not
+        size = np.where(lost, np.nan, np.abs(turn))
+        found.append(Output(name, "°", size, Criterion(name, "<=", TURNED)))
     energy = runs["energy"]
     kinetic, delivered = (energy.sel(energy_kind=k).values for k in ("kinetic", "delivered"))
     left = np.where(lost, np.nan, 100 * kinetic / delivered)
@@ -263,7 +255,7 @@ def _meaning(found: Spread) -> str:
         "kinetic energy left": "the kinetic energy at the end of a run over what was delivered",
     }
     told = "; ".join(
-        f"{o.name} is {defined.get(o.name, 'the entry of the rotation vector at the end of a run')}"
+        f"{o.name} is {defined.get(o.name, 'an entry of the rotation vector at the end of a run')}"
         for o in found.outputs
     )
     alone = found.indices.first.sum(axis=1)
@@ -397,9 +389,8 @@ def _histogram(context: Context, found: Spread, k: int) -> Picture:
         f"limit {written(output.limit.limit)} {output.unit}\nmissed: {_percent(part.probability)} "
         f"({_percent(part.low)} to {_percent(part.high)})"
     )
-    values = output.judged[found.independent]
-    name = f"size of {output.label}" if output.either_way else output.label
-    figure = view.draw_histogram(values, name, Limit(output.limit.limit, "above", text))
+    values = output.values[found.independent]
+    figure = view.draw_histogram(values, output.label, Limit(output.limit.limit, "above", text))
     caption = f"Spread of the {output.limit.output}, and the limit that is asked for."
     return context.picture(f"spread-{_file(output)}", figure, caption, caption)
 
