@@ -69,9 +69,10 @@ def pictures(folder, names, factors, outputs, s, found) -> None:
         "sobol": view.draw_index_bars(names, bars),
         "scatter": view.draw_scatter(factors, outputs, names, s.outputs, s.total),
     }
-    part = found.each[1]
-    text = f"limit 30°\nmissed: {part.probability:.1%} ({part.low:.1%} to {part.high:.1%})"
-    drawn["twist"] = view.draw_histogram(outputs[:, 1], "twist [°]", view.Limit(30, "above", text))
+    part = found.each[0]
+    text = f"limit 0.43 s\nmissed: {part.probability:.1%} ({part.low:.1%} to {part.high:.1%})"
+    limit = view.Limit(0.43, "above", text)
+    drawn["time"] = view.draw_histogram(outputs[:, 0], "time of deployment [s]", limit)
     for name, picture in drawn.items():
         (folder / f"hexapod-{name}.png").write_bytes(view.png(picture))
 

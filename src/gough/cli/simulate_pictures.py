@@ -162,13 +162,14 @@ def _efforts(robot: Robot, found: RunSummary) -> Iterator[view.History]:
 
 
 def _marks(found: RunSummary) -> tuple[list[float], str]:
-    """Moments of events, and what they are."""
-    times = sorted({t for event in found.happened for t in event.times})
+    """Moments of events among the times that were seen, and what they are."""
+    last = found.time[-1]
+    events = [event for event in found.happened if event.times[0] <= last]
+    times = sorted({t for event in events for t in event.times if t <= last})
     if len(times) > MOST_MARKS:
-        times = sorted({event.times[0] for event in found.happened})[:MOST_MARKS]
-        return times, "first event of each name"
-    names = [event.name for event in found.happened]
-    return times, f"event: {', '.join(names)}" if len(names) < 4 else "events"
+        return sorted({event.times[0] for event in events})[:MOST_MARKS], "first event of each name"
+    names = ", ".join(event.name for event in events)
+    return times, f"event: {names}" if len(events) < 4 else "events"
 
 
 def _loops(robot: Robot, found: RunSummary) -> tuple[list[view.Loop], tuple[str, str]]:
@@ -232,6 +233,8 @@ def _spread_outputs(found: EnsembleSummary) -> list[tuple[str, Array]]:
     """Labels and values of outputs, first times and measures that vary."""
     told: list[tuple[str, Array]] = []
     for spread, values in found.columns():
+        if spread.name == "qw":  # the others say it
+            continue
         known = values[np.isfinite(values)]
         size = float(np.abs(known).max(initial=0.0))
         if known.size > 1 and np.ptp(known) > VARIES * max(size, 1.0):

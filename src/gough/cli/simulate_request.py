@@ -161,7 +161,7 @@ def _controller(reference: Reference, of: Of, gains: Gains) -> Controller:
         return ComputedTorque(reference, **given, of=of)
     wrong = [f"--{n.replace('_', '-')}" for n in given if n not in ("stiffness", "damping")]
     if wrong or len(given) < 2:
-        said = f"; {' and '.join(wrong)} are for computed-torque" if wrong else ""
+        said = f"; {' and '.join(wrong)} can be given for computed-torque" if wrong else ""
         raise ConfigurationError(
             f"{kind} takes --stiffness and --damping, in N/m and N s/m or N m/rad and N m s/rad, "
             f"one number or one for each coordinate{said}"
@@ -177,8 +177,8 @@ def _one_or_all(given: list[float] | None) -> Any:
 # names and values
 
 
-def named(option: str, example: str, texts: Iterable[str]) -> dict[str, str]:
-    """Values by name from ``NAME=VALUE`` texts.
+def named(option: str, form: str, example: str, texts: Iterable[str]) -> dict[str, str]:
+    """Values by name from texts such as ``NAME=VALUE``.
 
     Raises:
         ConfigurationError: a text has no name or no value, or a name occurs twice.
@@ -187,7 +187,7 @@ def named(option: str, example: str, texts: Iterable[str]) -> dict[str, str]:
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (equals and name and value):
-            raise ConfigurationError(f"{option} {text!r}: expected NAME=VALUE, such as {example}")
+            raise ConfigurationError(f"{option} {text!r}: expected {form}, such as {example}")
         if name in found:
             raise ConfigurationError(f"{option}: {name} occurs twice")
         found[name] = value
@@ -201,7 +201,7 @@ def inputs_of(texts: Iterable[str]) -> dict[str, Any]:
         ConfigurationError: a value is neither.
         DescriptionError: something in a file is wrong; every problem.
     """
-    given = named("--input", "leg1.slide=10, or leg1.slide=push.csv", texts)
+    given = named("--input", "JOINT=VALUE", "leg1.slide=10, or leg1.slide=push.csv", texts)
     return {name: _input(name, text) for name, text in given.items()}
 
 
@@ -214,13 +214,11 @@ def _input(name: str, text: str) -> Any:
         return table.columns["time"], table.columns["value"]
     try:
         numbers = Numbers().convert(text, None, None)
-    except click.UsageError as error:
-        raise ConfigurationError(
-            f"--input {name}: {error.format_message()}; a table is a file whose name ends in .csv"
-        ) from None
+    except click.UsageError:
+        numbers = []
     if len(numbers) != 1:
         raise ConfigurationError(
-            f"--input {name}: expected one number or a file FILE.csv, got {text!r}"
+            f"--input {name}: {text!r} is neither a number nor a file whose name ends in .csv"
         )
     return numbers[0]
 
@@ -231,9 +229,9 @@ def events_of(marks: Iterable[str], stops: Iterable[str]) -> dict[str, When]:
     Raises:
         ConfigurationError: a text has no name or no expression, or a name occurs twice.
     """
-    example = '"half=platform.z - 0.5"'
-    found = {name: When(text) for name, text in named("--event", example, marks).items()}
-    for name, text in named("--stop-at", example, stops).items():
+    form, example = "NAME=EXPRESSION", '"half=platform.z - 0.5"'
+    found = {name: When(text) for name, text in named("--event", form, example, marks).items()}
+    for name, text in named("--stop-at", form, example, stops).items():
         if name in found:
             raise ConfigurationError(f"--stop-at: {name} is the name of an --event")
         found[name] = When(text, stop=True)
@@ -242,7 +240,7 @@ def events_of(marks: Iterable[str], stops: Iterable[str]) -> dict[str, When]:
 
 def vary_of(robot: Robot, texts: Iterable[str]) -> dict[str, str] | str:
     """Distributions by name; one text where it is for every parameter."""
-    given = named("--vary", '"mass=±5%", or "all=±10%"', texts)
+    given = named("--vary", "NAME=DISTRIBUTION", '"mass=±5%", or "all=±10%"', texts)
     if EVERY not in given or EVERY in robot.mechanism.parameters:
         return given
     share = given.pop(EVERY)
