@@ -69,7 +69,7 @@ def test_a_tornado_is_sorted_by_swing():
     figure = view.draw_tornado(["a", "b", "c"], [1, -3, 0.5], [2, 3, 1], 1.5, "force [N]")
     assert [t.get_text() for t in figure.axes[0].get_yticklabels()] == ["b", "a", "c"]
     assert "all nominal: 1.5" in words(figure)
-    assert {"-3", "3", "2"} <= set(words(figure))
+    assert {"−3", "3", "2"} <= set(words(figure))
     assert "0.5 (1 at high)" in words(figure)  # both below nominal
 
 
@@ -153,10 +153,8 @@ def test_an_audit_stacks_gains_and_shows_the_error():
     figure = view.draw_audit(t, parts, 2 * t + 1e-6 * t)
     upper, lower = figure.axes
     assert lower.get_yscale() == "log"
-    assert (
-        lower.get_title(loc="right")
-        == "balance open by at most 1e-06 J, 3e-07 of the largest energy"
-    )
+    title = "balance open by at most 10⁻⁶ J, 3 · 10⁻⁷ of the largest energy"
+    assert lower.get_title(loc="right") == title
     np.testing.assert_allclose(upper.lines[-1].get_ydata(), 2 * t + 1e-6 * t)
     assert words(figure) == ["kinetic", "potential", "dissipated", "delivered: the sum"]
 
@@ -216,6 +214,25 @@ def test_histograms_of_few_values_are_drawn(values, limit):
     assert view.svg(figure)
     heights = sum(bar.get_height() for bar in figure.axes[0].patches)
     assert heights == np.sum(np.isfinite(values))
+
+
+def test_a_histogram_of_what_is_never_negative_starts_at_zero():
+    y = np.abs(RNG.normal(size=2000)) ** 3
+    axes = view.draw_histogram(y, "y", view.Limit(2.0, "above", "limit")).axes[0]
+    assert axes.get_xlim()[0] == 0
+    assert sum(bar.get_height() for bar in axes.patches) == len(y)
+
+
+def test_a_history_has_a_panel_for_each_quantity_and_marks_in_all():
+    t = np.linspace(0, 1, 20)
+    shown = [view.History("z [m]", [t]), view.History("force [N]", [t, 2 * t], ["a", "b"])]
+    figure = view.draw_histories(t, shown, [0.4], "contact")
+    one, two = figure.axes
+    assert (one.get_ylabel(), two.get_ylabel()) == ("z [m]", "force [N]")
+    assert [text.get_text() for text in two.get_legend().get_texts()] == ["a", "b"]
+    assert all(len(axes.lines) == count for axes, count in ((one, 2), (two, 3)))
+    assert words(figure) == ["contact"]
+    assert view.svg(view.draw_histories(t, shown[:1]))
 
 
 def test_a_histogram_tells_runs_without_a_value():

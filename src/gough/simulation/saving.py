@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".nc", ".zarr", ".csv")
 TURNS, QUATERNION = ("rx", "ry", "rz"), ("qw", "qx", "qy", "qz")
-LARGEST = 2**32 - 4
-"""Bytes of a variable of a NetCDF-3 file with offsets of 64 bits."""
+PACKAGES = {".nc": ("h5netcdf", "h5py"), ".zarr": ("zarr",)}
+EXTRAS = {".nc": "netcdf", ".zarr": "store"}
 MOST_COLUMNS = 10_000
 """Columns of a CSV file; a guess at what other programs still open."""
 STORE = "gough"
@@ -39,8 +39,8 @@ def save(dataset: xarray.Dataset, path: str | Path) -> Path:
 
     Args:
         dataset: of one run, or of an ensemble.
-        path: its suffix says the format: ``.nc`` is NetCDF-3 with offsets of 64 bits, ``.zarr`` a
-            folder in Zarr 3; both hold everything. ``.csv`` is a table of what goes over time, or
+        path: its suffix says the format: ``.nc`` is NetCDF-4, ``.zarr`` a folder in Zarr 3;
+            both hold everything. ``.csv`` is a table of what goes over time, or
             over the rows of an ensemble.
 
     Returns:
@@ -48,7 +48,7 @@ def save(dataset: xarray.Dataset, path: str | Path) -> Path:
 
     Raises:
         ConfigurationError: the suffix is another one, or the file can not be written.
-        MissingExtra: zarr is not installed.
+        MissingExtra: zarr, or h5netcdf with h5py, is not installed.
     """
     path = writable(path)
     writers = {".nc": _write_netcdf, ".zarr": _write_zarr, ".csv": _write_csv}
@@ -62,7 +62,7 @@ def writable(path: str | Path) -> Path:
 
     Raises:
         ConfigurationError: the suffix is unknown, or something else is in the way.
-        MissingExtra: zarr is not installed.
+        MissingExtra: zarr, or h5netcdf with h5py, is not installed.
     """
     path = Path(path).expanduser()
     suffix = path.suffix.lower()
@@ -72,9 +72,10 @@ def writable(path: str | Path) -> Path:
             f"{path} has {told}; results are saved as .nc (NetCDF), .zarr or .csv."
             + (closest(suffix, SUFFIXES).partition(" Known")[0] if path.suffix else "")
         )
+    for package in PACKAGES.get(suffix, ()):
+        if importlib.util.find_spec(package) is None:
+            raise MissingExtra(str(path), package, EXTRAS[suffix])
     if suffix == ".zarr":
-        if importlib.util.find_spec("zarr") is None:
-            raise MissingExtra(f"{path}", "zarr", "store")
         _require_replaceable(path)
     elif path.is_dir():
         raise ConfigurationError(f"{path} is a folder; name a file")
@@ -133,36 +134,15 @@ def _whole(path: Path) -> Iterator[Path]:
 
 
 def _write_netcdf(dataset: xarray.Dataset, beside: Path, path: Path) -> None:
-    """NetCDF-3: what every installation can write, and every other program read."""
-    plain = _with_texts(dataset, "U", {})  # which becomes characters
-    plain.attrs = {name: _netcdf_attribute(value) for name, value in dataset.attrs.items()}
-    for name, variable in plain.variables.items():
-        if variable.nbytes > LARGEST:
-            raise ConfigurationError(
-                f"{path}: {name} takes {variable.nbytes / 1e9:.1f} GB, more than a variable of a "
-                "NetCDF-3 file can have; save it as .zarr"
-            )
-        whole = variable.dtype.kind in "iu" and variable.size
-        if whole and np.abs(variable.values).max() > np.iinfo(np.int32).max:
-            raise ConfigurationError(
-                f"{path}: {name} has whole numbers that NetCDF-3 can not hold; save it as .zarr"
-            )
+    """NetCDF-4: NetCDF-3 has one dimension at most that may be empty, and runs have several."""
+    plain = _with_texts(dataset, "U", {})
+    flags = {k: int(v) for k, v in dataset.attrs.items() if isinstance(v, bool | np.bool_)}
     floats = [str(n) for n, v in plain.variables.items() if v.dtype.kind == "f"]
-    plain.to_netcdf(
+    plain.assign_attrs(flags).to_netcdf(
         beside,
-        engine="scipy",
-        format="NETCDF3_64BIT",
+        engine="h5netcdf",
         encoding={name: {"_FillValue": None} for name in floats},
     )
-
-
-def _netcdf_attribute(value: Any) -> Any:
-    """An attribute as NetCDF-3 holds it: whole numbers of 32 bits, larger ones as texts."""
-    if isinstance(value, bool | np.bool_):
-        return int(value)
-    if isinstance(value, int | np.integer) and abs(int(value)) > np.iinfo(np.int32).max:
-        return str(int(value))
-    return value
 
 
 def _write_zarr(dataset: xarray.Dataset, beside: Path, path: Path) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gough.dynamics.dynamics import Dynamics
 from gough.geometry.coordinates import Coordinates
+from gough.numerics.integration import Ending
 from gough.simulation.saving import endings, unit_of
 
 if TYPE_CHECKING:
@@ -37,6 +38,9 @@ NOISE = 1e-6
 LEVELS = (0.05, 0.5, 0.95)
 """Quantiles that are told of an ensemble."""
 ENERGIES = ("kinetic", "potential", "stored", "delivered", "dissipated")
+REASONS = {ending.name: ending.value for ending in Ending} | {
+    "not_closed": "the loops do not close with the parameters and the start of the run"
+}
 GOOD = ("finished", "stopped")
 """Endings of runs that came to an end of their own."""
 
@@ -427,6 +431,7 @@ class EnsembleSummary:
         attributes = self.dataset.attrs
         names = ", ".join(f"{count} {name}" for name, count in self.endings.items())
         lines = [f"{attributes.get('robot', '')}: {self.count} runs: {names}"]
+        lines += [f"  {name}: {REASONS[name]}" for name in self.endings if name not in GOOD]
         for what, spreads in (
             ("output at the end", self.outputs),
             ("event, first [s]", self.firsts),

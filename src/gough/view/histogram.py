@@ -87,8 +87,9 @@ def _edges(known: Array, limit: Limit | None) -> Array:
     below, above = np.ceil((start - low) / step), np.ceil((high - start) / step)
     edges = start + step * np.arange(-below, max(above, 1 - below) + 1)
     edges[-1] = max(edges[-1], high)  # rounding must not lose the last value
-    if known.min() >= 0 > edges[0]:  # what can not be negative gets no bin below zero
-        edges = np.concatenate([[0.0], edges[edges > 0.5 * step]])
+    if known.min() >= 0 > edges[0] and (limit is None or limit.value > 0):
+        above_zero = edges[edges > 0.5 * step]  # what is never negative gets no bin below zero
+        edges = np.concatenate([[0.0], above_zero]) if above_zero.size else edges
     return np.asarray(edges)
 
 

@@ -47,8 +47,8 @@ SLOW_RUNS = 1_500
 LEAST_BASE = 16
 RTOL = 1e-6
 LATE, TURNED, LEFT = 1.1, 30.0, 2.0
-"""Limits of what is asked for: parts of the nominal time, degrees, % of the largest kinetic energy; all
-three are guesses."""
+"""Limits of what is asked for: parts of the nominal time, degrees, % of the largest kinetic
+energy; all three are guesses."""
 SHOWN = 8
 """Factors of a table."""
 MISSING = 0.5
@@ -254,10 +254,8 @@ def _meaning(found: Spread) -> str:
         "time of deployment": "the moment at which the last end stop is met for the first time",
         "kinetic energy left": "that at the end of a run over the largest of the nominal run",
     }
-    told = "; ".join(
-        f"{o.name} is {defined.get(o.name, 'an entry of the rotation vector at the end of a run')}"
-        for o in found.outputs
-    )
+    turn = "that of the platform's rotation vector from home at the end of a run, either way"
+    told = "; ".join(f"{o.name} is {defined.get(o.name, turn)}" for o in found.outputs)
     alone = found.indices.first.sum(axis=1)
     least = int(np.argmin(alone))
     text = (
