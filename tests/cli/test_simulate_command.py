@@ -2,10 +2,8 @@
 
 import json
 import os
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -279,19 +277,29 @@ def test_an_interrupted_ensemble_says_how_to_go_on(monkeypatch):
     assert found["error"].startswith("interrupted: 3 of 9")
 
 
+INTERRUPTING = """
+import os, signal, threading
+from gough.cli import main
+from gough.simulation.run import Runner
+
+def advance(self, *arguments):
+    threading.Timer(1.0, os.kill, (os.getpid(), signal.SIGINT)).start()
+    return real(self, *arguments)
+
+real, Runner.advance = Runner.advance, advance
+main(["simulate", "four-bar", "--duration", "1e7"])
+"""
+
+
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_a_long_run_can_be_interrupted():
     """Compiled loops see no signals; the command does."""
     run("four-bar", "--duration", "0.01", "--quiet")  # machine code is on the disk
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gough", "simulate", "four-bar", "--duration", "1e7"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    time.sleep(6)
-    process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=20)
-    assert process.returncode == 130
-    assert errors == "Interrupted.\n"
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTING], capture_output=True, text=True, timeout=60
+    )
+    assert ended.returncode == 130, ended.stderr
+    assert ended.stderr == "Interrupted.\n"
 
 
 # what is wrong
